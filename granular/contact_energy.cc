@@ -1,0 +1,365 @@
+#include "granular/contact_energy.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace granopt {
+namespace {
+
+// Recentre when a grain has moved by more than this many mean overlaps from the
+// reference: the error of a gap is then still below 1e-14 mean overlaps.
+constexpr double kRecenterOverlaps = 10.0;
+
+// The skin lies between these multiples of the smallest radius and is adapted
+// by counts: a list should serve between the two numbers of evaluations.
+constexpr double kMinSkin = 0.05;
+constexpr double kMaxSkin = 0.8;
+constexpr int kFewEvaluations = 20;
+constexpr int kManyEvaluations = 200;
+
+// Displacements of more cells than this are refused.
+constexpr double kMaxCells = 1e6;
+
+}  // namespace
+
+ContactEnergy::ContactEnergy(const Packing& packing,
+                             const ContactEnergyOptions& options)
+    : options_(options),
+      dimension_(packing.dimension()),
+      num_grains_(packing.size()),
+      packing_(packing),
+      mean_radius_(packing.MeanRadius()),
+      min_radius_(packing.radii.minCoeff()),
+      kernel_(MakeContactKernel(packing.dimension(), options.alpha)),
+      u_reference_(NumParameters(), 0.0),
+      workspace_(NumParameters(), 0.0),
+      u_list_(NumParameters(), 0.0),
+      skin_(kMinSkin * min_radius_) {
+  packing_.Wrap();
+}
+
+std::unique_ptr<ContactEnergy> ContactEnergy::Create(
+    const Packing& packing,
+    const ContactEnergyOptions& options,
+    std::string* error) {
+  if (!packing.IsValid(error)) return nullptr;
+  if (!(options.alpha >= 2.0) || !std::isfinite(options.alpha)) {
+    *error = "alpha = " + std::to_string(options.alpha) + " must be >= 2";
+    return nullptr;
+  }
+  if (!(options.stiffness > 0.0) || !std::isfinite(options.stiffness)) {
+    *error = "k = " + std::to_string(options.stiffness) + " must be positive";
+    return nullptr;
+  }
+  if (packing.size() > std::numeric_limits<int>::max() / 64) {
+    *error = std::to_string(packing.size()) + " grains are too many";
+    return nullptr;
+  }
+  std::unique_ptr<ContactEnergy> energy(new ContactEnergy(packing, options));
+  const std::vector<double> zero(energy->NumParameters(), 0.0);
+  if (!energy->BuildList(zero.data(), error)) return nullptr;
+  return energy;
+}
+
+double ContactEnergy::PairStiffness(int i, int j) const {
+  const double ki = packing_.stiffness[i];
+  const double kj = packing_.stiffness[j];
+  switch (options_.rule) {
+    case StiffnessRule::SERIES:
+      return options_.stiffness * (2.0 * ki * kj / (ki + kj));
+    case StiffnessRule::GEOMETRIC:
+      return options_.stiffness * std::sqrt(ki * kj);
+    case StiffnessRule::MEAN:
+      break;
+  }
+  return options_.stiffness * (0.5 * (ki + kj));
+}
+
+bool ContactEnergy::BuildList(const double* u, std::string* error) const {
+  const Eigen::Map<const Eigen::MatrixXd> displacement(
+      u, dimension_, num_grains_);
+  if (list_version_ > 0) {
+    if (evaluations_since_build_ < kFewEvaluations) {
+      skin_ = std::min(1.5 * skin_, kMaxSkin * min_radius_);
+    } else if (evaluations_since_build_ > kManyEvaluations) {
+      skin_ = std::max(skin_ / 1.5, kMinSkin * min_radius_);
+    }
+  }
+  if (!BuildNeighborList(packing_.box,
+                         packing_.positions + displacement,
+                         packing_.radii,
+                         skin_,
+                         &list_,
+                         error)) {
+    return false;
+  }
+  std::copy(u, u + NumParameters(), u_list_.begin());
+  ++list_version_;
+  evaluations_since_build_ = 0;
+  pair_stiffness_.clear();
+  if (packing_.stiffness.size() > 0 || options_.stiffness != 1.0) {
+    pair_stiffness_.resize(list_.num_pairs());
+    for (int i = 0; i < num_grains_; ++i) {
+      for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
+        pair_stiffness_[p] = packing_.stiffness.size() > 0
+                                 ? PairStiffness(i, list_.j[p])
+                                 : options_.stiffness;
+      }
+    }
+  }
+  SetReferencePairs();
+  return true;
+}
+
+void ContactEnergy::SetReferencePairs() const {
+  const int d = dimension_;
+  reference_pairs_.resize(list_.num_pairs());
+  std::vector<DoubleDouble> x(NumParameters());
+  for (int i = 0; i < num_grains_; ++i) {
+    for (int k = 0; k < d; ++k) {
+      x[d * i + k] = packing_.Position(i, k) + u_reference_[d * i + k];
+    }
+  }
+  for (int i = 0; i < num_grains_; ++i) {
+    for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
+      const int j = list_.j[p];
+      ReferencePair& pair = reference_pairs_[p];
+      DoubleDouble square;
+      pair.r0[2] = 0.0;
+      for (int k = 0; k < d; ++k) {
+        DoubleDouble r = x[d * i + k] - x[d * j + k];
+        for (int c = 0; c < d; ++c) {
+          const int n = list_.image[p][c];
+          if (n != 0) r = r + TwoProduct(n, packing_.box.edges()(k, c));
+        }
+        pair.r0[k] = r.hi;
+        square = square + r * r;
+      }
+      const DoubleDouble distance = Sqrt(square);
+      // A positive d0 keeps the kernel's quotient defined for coincident centres.
+      pair.d0 = std::max(distance.hi, std::numeric_limits<double>::min());
+      pair.delta0 =
+          (TwoSum(packing_.radii[i], packing_.radii[j]) - distance).Value();
+    }
+  }
+}
+
+PairView ContactEnergy::View() const {
+  PairView view;
+  view.num_grains = num_grains_;
+  view.row_start = list_.row_start.data();
+  view.j = list_.j.data();
+  view.reference = reference_pairs_.data();
+  view.stiffness = pair_stiffness_.empty() ? nullptr : pair_stiffness_.data();
+  return view;
+}
+
+bool ContactEnergy::Prepare(const double* u) const {
+  const int d = dimension_;
+  double max_moved2 = 0.0;
+  double max_u = 0.0;
+  for (int i = 0; i < num_grains_; ++i) {
+    double moved2 = 0.0;
+    for (int k = 0; k < d; ++k) {
+      const int v = d * i + k;
+      workspace_[v] = u[v] - u_reference_[v];
+      const double moved = u[v] - u_list_[v];
+      moved2 += moved * moved;
+      max_u = std::max(max_u, std::abs(u[v]));
+    }
+    max_moved2 = std::max(max_moved2, moved2);
+  }
+  if (!(max_moved2 <= 0.25 * skin_ * skin_)) {
+    if (!std::isfinite(max_moved2) ||
+        !(max_u <= kMaxCells * packing_.box.Length())) {
+      return false;
+    }
+    std::string error;
+    if (!BuildList(u, &error)) return false;
+  }
+  ++evaluations_since_build_;
+  return true;
+}
+
+bool ContactEnergy::EvaluateWithScales(const double* u,
+                                       double* energy,
+                                       double* gradient,
+                                       Scales* scales) const {
+  if (!Prepare(u)) return false;
+  const ContactSums sums = kernel_->Evaluate(View(), workspace_.data(), gradient);
+  *energy = sums.energy;
+  if (sums.contacts > 0) {
+    last_overlap_ = sums.overlap / static_cast<double>(sums.contacts);
+  } else {
+    last_overlap_ = 0.0;
+  }
+  if (scales != nullptr) {
+    scales->length = last_overlap_;
+    scales->gradient =
+        sums.contacts > 0 ? sums.force / static_cast<double>(sums.contacts)
+                          : 0.0;
+    const double pressure =
+        sums.virial / (dimension_ * packing_.box.Volume());
+    const double unit = options_.stiffness *
+                        std::pow(mean_radius_, options_.alpha - dimension_);
+    scales->vanishing =
+        std::pow(pressure / unit, 1.0 / (options_.alpha - 1.0));
+  }
+  return true;
+}
+
+bool ContactEnergy::Recenter(const double* u) {
+  double max_moved = 0.0;
+  for (int v = 0; v < NumParameters(); ++v) {
+    max_moved = std::max(max_moved, std::abs(u[v] - u_reference_[v]));
+  }
+  if (!std::isfinite(max_moved) ||
+      !(max_moved > kRecenterOverlaps * last_overlap_) ||
+      last_overlap_ == 0.0) {
+    return false;
+  }
+  std::copy(u, u + NumParameters(), u_reference_.begin());
+  SetReferencePairs();
+  return true;
+}
+
+bool ContactEnergy::Rebase(double* u) {
+  const int d = dimension_;
+  for (int i = 0; i < num_grains_; ++i) {
+    for (int k = 0; k < d; ++k) {
+      const int v = d * i + k;
+      packing_.SetPosition(i, k, packing_.Position(i, k) + u[v]);
+      u[v] = 0.0;
+      u_reference_[v] = 0.0;
+    }
+  }
+  packing_.Wrap();
+  std::string error;
+  return BuildList(u, &error);
+}
+
+bool ContactEnergy::HessianTimes(const double* u,
+                                 const double* v,
+                                 double* hv) const {
+  if (!Prepare(u)) return false;
+  kernel_->HessianTimes(View(), workspace_.data(), v, hv);
+  return true;
+}
+
+bool ContactEnergy::EvaluateHessian(const double* u,
+                                    SparseMatrix* hessian) const {
+  if (!Prepare(u)) return false;
+  const int d = dimension_;
+  const int n = NumParameters();
+  // The columns of grain i hold the lower part of its own block, then one block
+  // for each j > i in the list (several images of j share it); the number of
+  // entries is known, so the pattern is written in place.
+  std::vector<int> block_rank(list_.num_pairs(), 0);
+  std::vector<int> column_start(n + 1, 0);
+  for (int i = 0; i < num_grains_; ++i) {
+    int blocks = 0;
+    int previous = i;
+    for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
+      if (list_.j[p] != previous) ++blocks;
+      previous = list_.j[p];
+      block_rank[p] = blocks - 1;
+    }
+    for (int c = 0; c < d; ++c) {
+      column_start[d * i + c + 1] =
+          column_start[d * i + c] + (d - c) + d * blocks;
+    }
+  }
+  hessian->resize(n, n);
+  hessian->resizeNonZeros(column_start[n]);
+  std::copy(column_start.begin(), column_start.end(), hessian->outerIndexPtr());
+  int* rows = hessian->innerIndexPtr();
+  for (int i = 0; i < num_grains_; ++i) {
+    for (int c = 0; c < d; ++c) {
+      int* row = rows + column_start[d * i + c];
+      for (int r = c; r < d; ++r) *row++ = d * i + r;
+      int previous = i;
+      for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
+        const int j = list_.j[p];
+        if (j == previous) continue;
+        previous = j;
+        for (int r = 0; r < d; ++r) *row++ = d * j + r;
+      }
+    }
+  }
+  std::fill(hessian->valuePtr(), hessian->valuePtr() + column_start[n], 0.0);
+  kernel_->AddHessian(View(),
+                      workspace_.data(),
+                      block_rank.data(),
+                      column_start.data(),
+                      hessian->valuePtr());
+  return true;
+}
+
+bool ContactEnergy::EvaluateGaps(const double* u, Gaps* gaps) const {
+  if (!Prepare(u)) return false;
+  const int d = dimension_;
+  const int m = list_.num_pairs();
+  std::vector<PairState> states(m);
+  kernel_->States(View(), workspace_.data(), states.data());
+  gaps->ids.resize(m);
+  gaps->delta.resize(m);
+  gaps->stiffness.resize(m);
+  gaps->jacobian.resize(m, NumParameters());
+  std::vector<Eigen::Triplet<double>> entries;
+  entries.reserve(static_cast<std::size_t>(m) * 2 * d);
+  for (int i = 0; i < num_grains_; ++i) {
+    for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
+      const int j = list_.j[p];
+      gaps->ids[p] = {i, j, list_.image[p]};
+      gaps->delta[p] = states[p].delta;
+      gaps->stiffness[p] =
+          pair_stiffness_.empty() ? 1.0 : pair_stiffness_[p];
+      if (i == j) continue;
+      for (int k = 0; k < d; ++k) {
+        entries.emplace_back(p, d * i + k, -states[p].normal[k]);
+        entries.emplace_back(p, d * j + k, states[p].normal[k]);
+      }
+    }
+  }
+  gaps->jacobian.setFromTriplets(entries.begin(), entries.end());
+  return true;
+}
+
+Packing ContactEnergy::Configuration(const double* u) const {
+  Packing result = packing_;
+  for (int i = 0; i < num_grains_; ++i) {
+    for (int k = 0; k < dimension_; ++k) {
+      result.SetPosition(
+          i, k, packing_.Position(i, k) + u[dimension_ * i + k]);
+    }
+  }
+  result.Wrap();
+  return result;
+}
+
+std::vector<Contact> ContactEnergy::Contacts(const double* u) const {
+  std::vector<Contact> contacts;
+  if (!Prepare(u)) return contacts;
+  std::vector<PairState> states(list_.num_pairs());
+  kernel_->States(View(), workspace_.data(), states.data());
+  for (int i = 0; i < num_grains_; ++i) {
+    for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
+      const PairState& state = states[p];
+      if (!(state.delta > 0.0)) continue;
+      Contact contact;
+      contact.id = {i, list_.j[p], list_.image[p]};
+      contact.overlap = state.delta;
+      contact.distance = state.distance;
+      contact.normal =
+          Eigen::Map<const SmallVector>(state.normal, dimension_);
+      contact.force = state.force;
+      contact.stiffness = state.stiffness;
+      contacts.push_back(contact);
+    }
+  }
+  return contacts;
+}
+
+}  // namespace granopt

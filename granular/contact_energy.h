@@ -1,0 +1,133 @@
+// granopt: the potential energy of a packing.
+
+#ifndef GRANOPT_GRANULAR_CONTACT_ENERGY_H_
+#define GRANOPT_GRANULAR_CONTACT_ENERGY_H_
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "granular/contact_kernel.h"
+#include "granular/neighbor_list.h"
+#include "granular/packing.h"
+#include "solvers/unilateral.h"
+
+namespace granopt {
+
+// k_ij from the stiffnesses of two grains.
+enum class StiffnessRule {
+  MEAN,       // (k_i + k_j) / 2
+  SERIES,     // 2 k_i k_j / (k_i + k_j): two springs in series
+  GEOMETRIC,  // sqrt(k_i k_j)
+};
+
+struct ContactEnergyOptions {
+  // Exponent of the law, >= 2 (4).
+  double alpha = 2.0;
+  // Multiplies every k_ij.
+  double stiffness = 1.0;
+  StiffnessRule rule = StiffnessRule::MEAN;
+};
+
+// A pair of grains that touch.
+struct Contact {
+  GapId id;
+  double overlap = 0.0;             // delta_c (7)
+  double distance = 0.0;            // l_c (3)
+  SmallVector normal;               // n_c (3), from j to i
+  double force = 0.0;               // |f_c| (8)
+  double stiffness = 0.0;           // d|f_c| / d delta_c
+};
+
+// E(u) = sum over pairs of k_ij (delta_ij v 0)^alpha / alpha  (4)-(6), as a
+// function of displacements u (d N entries, grain by grain) from the positions of
+// the packing given: u = 0 is that packing, exactly.
+//
+// Gaps are evaluated by differences from a reference configuration that
+// Recenter() moves along (see contact_kernel.h and README, design); E, gradient
+// and Hessian are pure functions of (reference, u): bitwise independent of the
+// neighbour list that happens to be in use.
+//
+// Scales: gradient = mean contact force, length = mean overlap, vanishing =
+// (p / (k r^(alpha-d)))^(1/(alpha-1)) with the mean radius r, for alpha = 2 about
+// 0.4 times a distance in packing fraction. Grains whose centres coincide exactly
+// exert no force on each other (the direction is not defined) though they have
+// energy.
+class ContactEnergy : public UnilateralFunction {
+ public:
+  // Returns null and one line in `error` for a packing that is not valid, an
+  // alpha < 2 or a cell too short for its grains.
+  static std::unique_ptr<ContactEnergy> Create(
+      const Packing& packing,
+      const ContactEnergyOptions& options,
+      std::string* error);
+
+  // ceres::FirstOrderFunction, FirstOrderFunction.
+  int NumParameters() const override { return dimension_ * num_grains_; }
+  bool EvaluateWithScales(const double* u,
+                          double* energy,
+                          double* gradient,
+                          Scales* scales) const override;
+  bool Recenter(const double* u) override;
+  bool Rebase(double* u) override;
+
+  // SecondOrderFunction. The pattern holds every pair of the neighbour list.
+  bool EvaluateHessian(const double* u, SparseMatrix* hessian) const override;
+  std::int64_t PatternVersion() const override { return list_version_; }
+  bool HessianTimes(const double* u,
+                    const double* v,
+                    double* hv) const override;
+
+  // UnilateralFunction.
+  double Exponent() const override { return options_.alpha; }
+  bool EvaluateGaps(const double* u, Gaps* gaps) const override;
+
+  // The packing at displacement u, wrapped into its cell, positions rounded to
+  // double-double once.
+  Packing Configuration(const double* u) const;
+  // The contacts there, in increasing order of id. Image numbers refer to
+  // positions x + u that were not wrapped.
+  std::vector<Contact> Contacts(const double* u) const;
+
+  const ContactEnergyOptions& options() const { return options_; }
+  // Rebuilds of the neighbour list so far, and its skin now.
+  std::int64_t num_list_builds() const { return list_version_; }
+  double skin() const { return skin_; }
+  int num_near_pairs() const { return list_.num_pairs(); }
+
+ private:
+  ContactEnergy(const Packing& packing, const ContactEnergyOptions& options);
+
+  // w = u - u_ref in workspace_; rebuilds the list if a grain has left its skin.
+  // False where u is not finite or astronomically large.
+  bool Prepare(const double* u) const;
+  bool BuildList(const double* u, std::string* error) const;
+  void SetReferencePairs() const;
+  PairView View() const;
+  double PairStiffness(int i, int j) const;
+
+  const ContactEnergyOptions options_;
+  const int dimension_;
+  const int num_grains_;
+  Packing packing_;  // the origin u = 0, wrapped
+  double mean_radius_ = 0.0;
+  double min_radius_ = 0.0;
+  std::unique_ptr<ContactKernel> kernel_;
+
+  std::vector<double> u_reference_;
+  // Workspaces: one object must not be evaluated from two threads at once.
+  mutable std::vector<double> workspace_;
+  mutable NeighborList list_;
+  mutable std::vector<double> u_list_;  // where the list was built
+  mutable double skin_ = 0.0;
+  mutable std::int64_t list_version_ = 0;
+  mutable std::int64_t evaluations_since_build_ = 0;
+  mutable std::vector<ReferencePair> reference_pairs_;
+  mutable std::vector<double> pair_stiffness_;  // empty: all 1
+  mutable double last_overlap_ = 0.0;           // mean, of the last evaluation
+};
+
+}  // namespace granopt
+
+#endif  // GRANOPT_GRANULAR_CONTACT_ENERGY_H_

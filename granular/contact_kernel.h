@@ -1,0 +1,92 @@
+// granopt: loops over pairs, compiled once per dimension and law.
+//
+// This header and its source include neither Eigen nor Ceres, so that the only
+// templated code of the library compiles in a moment.
+
+#ifndef GRANOPT_GRANULAR_CONTACT_KERNEL_H_
+#define GRANOPT_GRANULAR_CONTACT_KERNEL_H_
+
+#include <cstdint>
+#include <memory>
+
+namespace granopt {
+
+// A pair at the reference configuration: separation r0 = x_i - x_j + H image, its
+// length d0 and the overlap delta0 = r_i + r_j - d0, each rounded once from
+// double-double.
+struct ReferencePair {
+  double r0[3];
+  double d0;
+  double delta0;
+};
+
+// Pairs compressed by their first grain. `stiffness` may be null (all 1).
+struct PairView {
+  int num_grains = 0;
+  const int* row_start = nullptr;
+  const int* j = nullptr;
+  const ReferencePair* reference = nullptr;
+  const double* stiffness = nullptr;
+};
+
+struct ContactSums {
+  double energy = 0.0;    // sum k delta^alpha / alpha
+  double force = 0.0;     // sum f
+  double overlap = 0.0;   // sum delta
+  double virial = 0.0;    // sum f l
+  std::int64_t contacts = 0;
+};
+
+// One pair at some displacement.
+struct PairState {
+  double delta;      // overlap, negative where open
+  double distance;   // l
+  double normal[3];  // n = (x_i - x_j) / l; zero where the centres coincide
+  double energy;
+  double force;
+  double stiffness;  // f'(delta)
+};
+
+// With s = w_i - w_j and w = u - u_ref, a pair is evaluated by differences,
+//   delta = delta0 - (2 r0.s + s.s) / (d + d0),   d = |r0 + s|,
+// which loses nothing to cancellation while |s| stays of the order of the
+// overlaps: the error is about eps |s|, against eps d for plain positions.
+class ContactKernel {
+ public:
+  virtual ~ContactKernel() = default;
+
+  // Sums over all pairs; gradient (d entries a grain) is overwritten, may be null.
+  virtual ContactSums Evaluate(const PairView& pairs,
+                               const double* w,
+                               double* gradient) const = 0;
+
+  // The states of all pairs, in order.
+  virtual void States(const PairView& pairs,
+                      const double* w,
+                      PairState* states) const = 0;
+
+  // Adds, for each pair, the d x d block (9)
+  //   K = f' n (x) n - (f / l) (1 - n (x) n)
+  // to the lower triangle of a column-compressed matrix with one block row and
+  // column a grain: K to the diagonal blocks of i and j, -K to block (j, i).
+  // `rank[p]` is the place of pair p's block below the diagonal of its column,
+  // `column_start` has one entry per scalar column. `values` must be zero before.
+  virtual void AddHessian(const PairView& pairs,
+                          const double* w,
+                          const int* rank,
+                          const int* column_start,
+                          double* values) const = 0;
+
+  // hv = H v.
+  virtual void HessianTimes(const PairView& pairs,
+                            const double* w,
+                            const double* v,
+                            double* hv) const = 0;
+};
+
+// Null for a dimension other than 2 or 3 or an alpha that no law handles.
+std::unique_ptr<ContactKernel> MakeContactKernel(int dimension, double alpha);
+
+}  // namespace granopt
+
+#endif  // GRANOPT_GRANULAR_CONTACT_KERNEL_H_

@@ -1,0 +1,43 @@
+// granopt: packings as extended XYZ.
+//
+// One frame, as OVITO and ASE read it:
+//
+//   N
+//   Lattice="ax ay az bx by bz cx cy cz" Properties=species:S:1:pos:R:3:radius:R:1
+//       pbc="T T F" key=value ...                                  (one line)
+//   A x y z radius
+//   ...
+//
+// Columns: pos and radius are required; species, pos_lo:R:3 (the low part of the
+// positions, see double_double.h) and stiffness:R:1 are read if present, others are
+// skipped. pbc="T T F" means discs in the plane (all z equal, cell edges in the
+// plane), "T T T" spheres; without pbc the frame is 2D if all z are equal.
+// Other keys (alpha, k, seed, ...) are kept in Packing::attributes.
+
+#ifndef GRANOPT_GRANULAR_PACKING_IO_H_
+#define GRANOPT_GRANULAR_PACKING_IO_H_
+
+#include <string>
+
+#include "granular/packing.h"
+
+namespace granopt {
+
+// Returns false and one line `name:line: what, and the value` in `error` for
+// anything malformed, truncated, non-finite, out of range or not periodic.
+bool ParsePacking(const std::string& text,
+                  const std::string& name,
+                  Packing* packing,
+                  std::string* error);
+bool ReadPacking(const std::string& path, Packing* packing, std::string* error);
+
+// %.17g throughout, pos_lo if any low part is not zero.
+std::string FormatPacking(const Packing& packing);
+// Atomic.
+bool WritePacking(const std::string& path,
+                  const Packing& packing,
+                  std::string* error);
+
+}  // namespace granopt
+
+#endif  // GRANOPT_GRANULAR_PACKING_IO_H_

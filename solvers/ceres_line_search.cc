@@ -1,0 +1,253 @@
+#include "solvers/ceres_line_search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "ceres/gradient_problem.h"
+#include "ceres/iteration_callback.h"
+#include "ceres/version.h"
+#include "glog/logging.h"
+#include "solvers/monitor.h"
+
+namespace granopt {
+namespace {
+
+// Why our callback made Ceres return.
+enum class Interruption { NONE, STOPPED, REBASE, RESCALE };
+
+// The power of two nearest to v in the logarithm; 1 where v is no positive number.
+double PowerOfTwo(double v) {
+  if (!(v > 0.0) || !std::isfinite(v)) return 1.0;
+  return std::exp2(std::clamp(std::round(std::log2(v)), -900.0, 900.0));
+}
+
+struct Units {
+  double cost = 1.0;    // C
+  double length = 1.0;  // L
+};
+
+// C f(L y), counted by the monitor.
+class ScaledFunction : public ceres::FirstOrderFunction {
+ public:
+  ScaledFunction(Monitor* monitor, const Units& units)
+      : monitor_(monitor), units_(units), x_(monitor->n()) {}
+
+  bool Evaluate(const double* const y,
+                double* cost,
+                double* gradient) const override {
+    // A line search cannot be interrupted but by a point that does not exist.
+    if (monitor_->stopped() || monitor_->BudgetSpent()) return false;
+    const int n = monitor_->n();
+    for (int i = 0; i < n; ++i) x_[i] = units_.length * y[i];
+    if (!monitor_->Evaluate(x_.data(), cost, gradient, nullptr)) return false;
+    *cost *= units_.cost;
+    if (gradient != nullptr) {
+      const double factor = units_.cost * units_.length;
+      for (int i = 0; i < n; ++i) gradient[i] *= factor;
+    }
+    return true;
+  }
+
+  int NumParameters() const override { return monitor_->n(); }
+
+ private:
+  Monitor* monitor_;
+  const Units units_;
+  mutable std::vector<double> x_;
+};
+
+class Callback : public ceres::IterationCallback {
+ public:
+  Callback(Monitor* monitor,
+           const Units& units,
+           const double* y,
+           bool first_run,
+           bool rescales)
+      : monitor_(monitor),
+        units_(units),
+        y_(y),
+        skip_start_(!first_run),
+        rescales_(rescales),
+        x_(monitor->n()) {}
+
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary& summary) override {
+    // After a restart Ceres reports the start again, which is no new iterate.
+    if (summary.iteration == 0 && skip_start_) {
+      return ceres::SOLVER_CONTINUE;
+    }
+    if (AcceptCurrent()) return Interrupt(Interruption::STOPPED);
+    if (monitor_->WantsRebase()) return Interrupt(Interruption::REBASE);
+    // In these units the active terms are about one length unit each.
+    if (rescales_ && monitor_->scales().length > 0.0 &&
+        monitor_->scales().length < std::exp2(-10) * units_.length) {
+      return Interrupt(Interruption::RESCALE);
+    }
+    monitor_->Recenter(x_.data());
+    return ceres::SOLVER_CONTINUE;
+  }
+
+  // Hands Ceres' current point to the monitor; true if the run must stop.
+  bool AcceptCurrent() {
+    for (int i = 0; i < monitor_->n(); ++i) x_[i] = units_.length * y_[i];
+    double cost;
+    const double* gradient;
+    Scales scales;
+    if (!monitor_->EvaluateCached(x_.data(), &cost, &gradient, &scales)) {
+      monitor_->FailEvaluation();
+      return true;
+    }
+    return monitor_->Accept(x_.data(), cost, gradient, scales);
+  }
+
+  Interruption interruption() const { return interruption_; }
+
+ private:
+  ceres::CallbackReturnType Interrupt(Interruption why) {
+    interruption_ = why;
+    return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+  }
+
+  Monitor* monitor_;
+  const Units units_;
+  const double* y_;  // kept current by update_state_every_iteration
+  const bool skip_start_;
+  const bool rescales_;
+  std::vector<double> x_;
+  Interruption interruption_ = Interruption::NONE;
+};
+
+// Ceres 2.1 takes ownership of a raw pointer, 2.2 of a unique_ptr.
+std::unique_ptr<ceres::GradientProblem> MakeProblem(
+    std::unique_ptr<ceres::FirstOrderFunction> function) {
+#if CERES_VERSION_MAJOR > 2 || \
+    (CERES_VERSION_MAJOR == 2 && CERES_VERSION_MINOR >= 2)
+  return std::make_unique<ceres::GradientProblem>(std::move(function));
+#else
+  return std::make_unique<ceres::GradientProblem>(function.release());
+#endif
+}
+
+// Ceres logs a warning at every restart of its NCG, also when asked to be silent.
+class QuietLog {
+ public:
+  QuietLog() : level_(FLAGS_minloglevel) {
+    FLAGS_minloglevel = std::max<int>(FLAGS_minloglevel, google::GLOG_ERROR);
+  }
+  ~QuietLog() { FLAGS_minloglevel = level_; }
+  QuietLog(const QuietLog&) = delete;
+  QuietLog& operator=(const QuietLog&) = delete;
+
+ private:
+  const int level_;
+};
+
+// See the header for what these units are for.
+Units ChooseUnits(const Monitor& monitor, const Scales& scales) {
+  Units units;
+  units.length = PowerOfTwo(scales.length);
+  const double target = monitor.Tolerance(scales);
+  units.cost = PowerOfTwo(1.0 / std::max(target, 1e-15 * scales.gradient)) /
+               units.length;
+  return units;
+}
+
+}  // namespace
+
+CeresLineSearch::CeresLineSearch(Parameters* parameters)
+    : scaled_(parameters->Bool(
+          "scaled",
+          false,
+          "cost and lengths by powers of two, eigenvalue scaling on")),
+      restarts_(parameters->Int(
+          "restarts",
+          0,
+          0,
+          "how often to start afresh where Ceres gives up, while that helps")) {
+  ceres_options_.logging_type = ceres::SILENT;
+  ceres_options_.max_num_iterations = std::numeric_limits<int>::max();
+  ceres_options_.max_solver_time_in_seconds =
+      std::numeric_limits<double>::max();
+  ceres_options_.function_tolerance = 0.0;
+  ceres_options_.gradient_tolerance = 0.0;
+  ceres_options_.parameter_tolerance = 0.0;
+  ceres_options_.update_state_every_iteration = true;
+  if (scaled_) {
+    ceres_options_.use_approximate_eigenvalue_bfgs_scaling = true;
+    // Must be positive; the default 1e-9 is absolute.
+    ceres_options_.min_line_search_step_size = 1e-300;
+  }
+}
+
+Summary CeresLineSearch::Minimize(FirstOrderFunction* function,
+                                  const SolveOptions& options,
+                                  double* x) const {
+  Monitor monitor(function, options, name());
+  const int n = monitor.n();
+  const QuietLog quiet;
+
+  double cost;
+  const double* gradient;
+  Scales scales;
+  if (!monitor.EvaluateCached(x, &cost, &gradient, &scales)) {
+    monitor.FailEvaluation();
+    return monitor.Finish(x);
+  }
+  std::vector<double> y(n);
+  bool first_run = true;
+  int restarts_left = restarts_;
+  double residual_before = std::numeric_limits<double>::infinity();
+  if (n == 0) {
+    monitor.Accept(x, cost, gradient, scales);
+    return monitor.Finish(x);
+  }
+
+  while (!monitor.stopped()) {
+    const Units units = scaled_ ? ChooseUnits(monitor, scales) : Units();
+    for (int i = 0; i < n; ++i) y[i] = x[i] / units.length;
+    Callback callback(&monitor, units, y.data(), first_run, scaled_);
+    ceres::GradientProblemSolver::Options run_options = ceres_options_;
+    run_options.callbacks.push_back(&callback);
+    const std::unique_ptr<ceres::GradientProblem> problem =
+        MakeProblem(std::make_unique<ScaledFunction>(&monitor, units));
+    ceres::GradientProblemSolver::Summary ceres_summary;
+    ceres::Solve(run_options, *problem, y.data(), &ceres_summary);
+
+    // Ceres may have returned before it called back: at the start, or with a
+    // last step that its own tests accepted.
+    if (callback.interruption() == Interruption::NONE && !monitor.stopped()) {
+      if (ceres_summary.IsSolutionUsable()) callback.AcceptCurrent();
+    }
+    first_run = false;
+    if (monitor.stopped()) break;
+
+    const double residual = monitor.max_gradient();
+    for (int i = 0; i < n; ++i) x[i] = units.length * y[i];
+    switch (callback.interruption()) {
+      case Interruption::REBASE:
+        monitor.Rebase(x);
+        break;
+      case Interruption::RESCALE:
+        break;
+      default:
+        // A fresh history helps only while it still gains something.
+        if (restarts_left == 0 || residual > 0.5 * residual_before) {
+          monitor.GiveUp("Ceres: " + ceres_summary.message);
+          return monitor.Finish(x);
+        }
+        --restarts_left;
+        residual_before = residual;
+    }
+    ++monitor.counters().restarts;
+    monitor.Recenter(x);
+    if (!monitor.EvaluateCached(x, &cost, &gradient, &scales)) {
+      monitor.FailEvaluation();
+    }
+  }
+  return monitor.Finish(x);
+}
+
+}  // namespace granopt

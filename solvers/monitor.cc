@@ -1,0 +1,357 @@
+#include "solvers/monitor.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+#include <cstring>
+#include <limits>
+#include <utility>
+
+namespace granopt {
+namespace {
+
+constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+
+std::string Format(const char* format, ...) {
+  char buffer[512];
+  va_list arguments;
+  va_start(arguments, format);
+  std::vsnprintf(buffer, sizeof(buffer), format, arguments);
+  va_end(arguments);
+  return buffer;
+}
+
+double MaxNorm(const double* v, int n) {
+  double result = 0.0;
+  for (int i = 0; i < n; ++i) result = std::max(result, std::abs(v[i]));
+  return result;
+}
+
+// Index of the first entry that is not finite, or -1. The sum of v - v is zero
+// exactly if all entries are finite, which is one vectorizable pass.
+int FirstNotFinite(const double* v, int n) {
+  double probe = 0.0;
+  for (int i = 0; i < n; ++i) probe += v[i] - v[i];
+  if (probe == 0.0) return -1;
+  for (int i = 0; i < n; ++i) {
+    if (!std::isfinite(v[i])) return i;
+  }
+  return -1;
+}
+
+}  // namespace
+
+const char* StopReasonName(StopReason reason) {
+  switch (reason) {
+    case StopReason::CONVERGED:
+      return "CONVERGED";
+    case StopReason::VANISHED:
+      return "VANISHED";
+    case StopReason::MAX_ITERATIONS:
+      return "MAX_ITERATIONS";
+    case StopReason::MAX_EVALUATIONS:
+      return "MAX_EVALUATIONS";
+    case StopReason::MAX_SECONDS:
+      return "MAX_SECONDS";
+    case StopReason::CALLBACK:
+      return "CALLBACK";
+    case StopReason::NO_PROGRESS:
+      return "NO_PROGRESS";
+    case StopReason::EVALUATION_FAILED:
+      return "EVALUATION_FAILED";
+  }
+  return "UNKNOWN";
+}
+
+std::string Summary::BriefReport() const {
+  return Format("%s: %s after %lld iterations, %lld evaluations, %.3g s: %s",
+                solver.c_str(),
+                StopReasonName(reason),
+                static_cast<long long>(counters.iterations),
+                static_cast<long long>(counters.evaluations),
+                seconds,
+                message.c_str());
+}
+
+std::string Summary::FullReport() const {
+  const auto relation = [](double left, double right) {
+    return left <= right ? "<=" : "> ";
+  };
+  std::string report = Format("%s: %s\n  %s\n",
+                              solver.c_str(),
+                              StopReasonName(reason),
+                              message.c_str());
+  report += Format("  |g|            %.3e %s %.3e\n",
+                   max_gradient,
+                   relation(max_gradient, tolerance),
+                   tolerance);
+  if (scales.gradient > 0) {
+    report += Format("  |g| / scale    %.3e   (scale %.3e)\n",
+                     max_gradient / scales.gradient,
+                     scales.gradient);
+  }
+  report += Format("  cost           %.10e   (from %.10e)\n", cost, initial_cost);
+  report += Format(
+      "  work           %lld iterations, %lld evaluations, %lld Hessians, "
+      "%lld factorizations\n",
+      static_cast<long long>(counters.iterations),
+      static_cast<long long>(counters.evaluations),
+      static_cast<long long>(counters.hessians),
+      static_cast<long long>(counters.factorizations));
+  report += Format("  time           %.3g s, %.0f %% of it in the function\n",
+                   seconds,
+                   seconds > 0 ? 100.0 * function_seconds / seconds : 0.0);
+  return report;
+}
+
+Monitor::Monitor(FirstOrderFunction* function,
+                 const SolveOptions& options,
+                 std::string solver_name)
+    : function_(function),
+      options_(options),
+      n_(function->NumParameters()),
+      start_(std::chrono::steady_clock::now()),
+      solver_name_(std::move(solver_name)),
+      cache_x_(n_),
+      cache_gradient_(n_),
+      best_x_(n_) {}
+
+double Monitor::Seconds() const {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() -
+                                       start_)
+      .count();
+}
+
+double Monitor::Tolerance(const Scales& scales) const {
+  return options_.absolute_tolerance > 0.0
+             ? options_.absolute_tolerance
+             : options_.relative_tolerance * scales.gradient;
+}
+
+bool Monitor::Evaluate(const double* x,
+                       double* cost,
+                       double* gradient,
+                       Scales* scales) {
+  ++counters_.evaluations;
+  const auto named = [this](const char* what, double value) {
+    not_finite_ =
+        Format("%s = %g at evaluation %lld",
+               what,
+               value,
+               static_cast<long long>(counters_.evaluations));
+    return false;
+  };
+  const int bad_x = FirstNotFinite(x, n_);
+  if (bad_x >= 0) return named(Format("x[%d]", bad_x).c_str(), x[bad_x]);
+
+  const double before = Seconds();
+  const bool defined = function_->EvaluateWithScales(
+      x, cost, gradient, &cache_scales_);
+  function_seconds_ += Seconds() - before;
+  if (scales != nullptr) *scales = cache_scales_;
+  if (gradient != nullptr) {
+    cache_valid_ = false;
+  }
+  if (!defined) {
+    not_finite_ = Format("the function refused evaluation %lld",
+                         static_cast<long long>(counters_.evaluations));
+    return false;
+  }
+  if (!std::isfinite(*cost)) return named("cost", *cost);
+  if (gradient == nullptr) {
+    // The scales that go with the cached gradient are gone.
+    cache_valid_ = false;
+    return true;
+  }
+  const int bad_g = FirstNotFinite(gradient, n_);
+  if (bad_g >= 0) {
+    return named(Format("gradient[%d]", bad_g).c_str(), gradient[bad_g]);
+  }
+  std::copy(x, x + n_, cache_x_.begin());
+  std::copy(gradient, gradient + n_, cache_gradient_.begin());
+  cache_cost_ = *cost;
+  cache_valid_ = true;
+  return true;
+}
+
+bool Monitor::EvaluateCached(const double* x,
+                             double* cost,
+                             const double** gradient,
+                             Scales* scales) {
+  if (!cache_valid_ ||
+      std::memcmp(x, cache_x_.data(), sizeof(double) * n_) != 0) {
+    std::vector<double> fresh(n_);
+    if (!Evaluate(x, cost, fresh.data(), scales)) return false;
+  }
+  *cost = cache_cost_;
+  *gradient = cache_gradient_.data();
+  *scales = cache_scales_;
+  return true;
+}
+
+// Costs that agree to 1e-10 are told apart by their gradients: the relative
+// roundoff of a sum of n positive terms is far below that, and no method gains
+// more than that by staying at the point of larger gradient.
+bool Monitor::IsBetter(double cost, double max_gradient) {
+  constexpr double kCostRoundoff = 1e-10;
+  const double slack = kCostRoundoff * std::abs(least_cost_);
+  if (cost < least_cost_ - slack) return true;
+  return cost <= least_cost_ + slack && max_gradient < best_max_gradient_;
+}
+
+bool Monitor::Accept(const double* x,
+                     double cost,
+                     const double* gradient,
+                     const Scales& scales) {
+  const double max_gradient = MaxNorm(gradient, n_);
+  if (started_) ++counters_.iterations;
+  last_max_gradient_ = max_gradient;
+  last_max_x_ = MaxNorm(x, n_);
+  last_scales_ = scales;
+  if (!started_) initial_cost_ = cost;
+  if (!started_ || IsBetter(cost, max_gradient)) {
+    std::copy(x, x + n_, best_x_.begin());
+    best_cost_ = cost;
+    best_max_gradient_ = max_gradient;
+    best_scales_ = scales;
+  }
+  least_cost_ = started_ ? std::min(least_cost_, cost) : cost;
+  started_ = true;
+  if (options_.record_trace) {
+    trace_.push_back({counters_.iterations,
+                      counters_.evaluations,
+                      cost,
+                      max_gradient,
+                      scales.gradient,
+                      scales.vanishing,
+                      Seconds()});
+  }
+
+  const auto iterations = static_cast<long long>(counters_.iterations);
+  const double tolerance = Tolerance(scales);
+  if (cost == 0.0 && max_gradient == 0.0) {
+    Stop(StopReason::VANISHED,
+         Format("cost = 0 exactly after %lld iterations", iterations));
+  } else if (scales.vanishing <= options_.vanishing_tolerance) {
+    Stop(StopReason::VANISHED,
+         Format("dimensionless size = %.2e <= %.2e after %lld iterations",
+                scales.vanishing,
+                options_.vanishing_tolerance,
+                iterations));
+  } else if (max_gradient <= tolerance) {
+    Stop(StopReason::CONVERGED,
+         Format("|g| = %.2e <= %.2e after %lld iterations",
+                max_gradient,
+                tolerance,
+                iterations));
+  } else if (options_.callback &&
+             !options_.callback({x,
+                                 gradient,
+                                 n_,
+                                 cost,
+                                 max_gradient,
+                                 scales,
+                                 counters_,
+                                 Seconds()})) {
+    Stop(StopReason::CALLBACK,
+         Format("stopped by the caller, |g| = %.2e > %.2e after %lld iterations",
+                max_gradient,
+                tolerance,
+                iterations));
+  } else if (counters_.iterations >= options_.max_iterations) {
+    Stop(StopReason::MAX_ITERATIONS,
+         Format("|g| = %.2e > %.2e after %lld iterations, all that were allowed",
+                max_gradient,
+                tolerance,
+                iterations));
+  } else {
+    BudgetSpent();
+  }
+  return stopped_;
+}
+
+bool Monitor::BudgetSpent() {
+  if (stopped_) return true;
+  if (counters_.evaluations >= options_.max_evaluations) {
+    Stop(StopReason::MAX_EVALUATIONS,
+         Format("|g| = %.2e > %.2e after %lld evaluations, all that were allowed",
+                last_max_gradient_,
+                Tolerance(last_scales_),
+                static_cast<long long>(counters_.evaluations)));
+  } else if (Seconds() >= options_.max_seconds) {
+    Stop(StopReason::MAX_SECONDS,
+         Format("|g| = %.2e > %.2e after %.3g s >= %.3g s",
+                last_max_gradient_,
+                Tolerance(last_scales_),
+                Seconds(),
+                options_.max_seconds));
+  }
+  return stopped_;
+}
+
+void Monitor::GiveUp(const std::string& why) {
+  Stop(StopReason::NO_PROGRESS,
+       Format("|g| = %.2e > %.2e after %lld iterations: ",
+              best_max_gradient_,
+              Tolerance(best_scales_),
+              static_cast<long long>(counters_.iterations)) +
+           why);
+}
+
+void Monitor::FailEvaluation() {
+  Stop(StopReason::EVALUATION_FAILED,
+       not_finite_.empty() ? "the function could not be evaluated"
+                           : not_finite_);
+}
+
+void Monitor::Stop(StopReason reason, std::string message) {
+  if (stopped_) return;
+  stopped_ = true;
+  reason_ = reason;
+  message_ = std::move(message);
+}
+
+void Monitor::Recenter(const double* x) {
+  if (function_->Recenter(x)) ++counters_.recenters;
+}
+
+bool Monitor::WantsRebase() const {
+  if (!can_rebase_ || !(last_scales_.gradient > 0.0)) return false;
+  const double residual = last_max_gradient_ / last_scales_.gradient;
+  return kEpsilon * last_max_x_ > 0.05 * residual * last_scales_.length;
+}
+
+bool Monitor::Rebase(double* x) {
+  const std::vector<double> before(x, x + n_);
+  if (!function_->Rebase(x)) {
+    can_rebase_ = false;
+    return false;
+  }
+  ++counters_.rebases;
+  cache_valid_ = false;
+  last_max_x_ = 0.0;
+  for (int i = 0; i < n_; ++i) best_x_[i] -= before[i];
+  return true;
+}
+
+Summary Monitor::Finish(double* x) {
+  Summary summary;
+  summary.solver = solver_name_;
+  if (!stopped_) GiveUp("the method ended without a reason");
+  if (started_) std::copy(best_x_.begin(), best_x_.end(), x);
+  summary.reason = reason_;
+  summary.message = message_;
+  summary.initial_cost = initial_cost_;
+  summary.cost = best_cost_;
+  summary.max_gradient = best_max_gradient_;
+  summary.scales = best_scales_;
+  summary.tolerance = Tolerance(best_scales_);
+  summary.counters = counters_;
+  summary.seconds = Seconds();
+  summary.function_seconds = function_seconds_;
+  summary.trace = std::move(trace_);
+  return summary;
+}
+
+}  // namespace granopt

@@ -1,0 +1,122 @@
+// granopt: what every run of every method shares.
+
+#ifndef GRANOPT_SOLVERS_MONITOR_H_
+#define GRANOPT_SOLVERS_MONITOR_H_
+
+#include <chrono>
+#include <string>
+#include <vector>
+
+#include "solvers/solver.h"
+
+namespace granopt {
+
+// Stands between a method and its function: counts and times evaluations, names
+// values that are not finite, applies the stopping test to the function's own
+// gradient, keeps the best point and the trace, and writes the Summary.
+//
+//   Monitor monitor(function, options, "name");
+//   ... monitor.Evaluate(x, &cost, gradient.data(), &scales) ...
+//   if (monitor.Accept(x, cost, gradient.data(), scales)) return
+//   monitor.Finish(x_out);
+//
+// A method that ends by itself says why with GiveUp() before Finish().
+class Monitor {
+ public:
+  Monitor(FirstOrderFunction* function,
+          const SolveOptions& options,
+          std::string solver_name);
+
+  FirstOrderFunction* function() const { return function_; }
+  int n() const { return n_; }
+  const SolveOptions& options() const { return options_; }
+  Counters& counters() { return counters_; }
+
+  // One counted evaluation. `gradient` and `scales` may be null. Returns false,
+  // and remembers the offending entry, if x, the cost or the gradient is not
+  // finite. The last point evaluated with a gradient is cached.
+  bool Evaluate(const double* x, double* cost, double* gradient, Scales* scales);
+
+  // Cost, gradient and scales at x from the cache if x was the last point
+  // evaluated, else by a counted evaluation.
+  bool EvaluateCached(const double* x,
+                      double* cost,
+                      const double** gradient,
+                      Scales* scales);
+
+  // Tells the monitor of an accepted iterate (the first call is the start, every
+  // further one counts an iteration). Returns true if the run must stop; the
+  // reason is then set.
+  bool Accept(const double* x,
+              double cost,
+              const double* gradient,
+              const Scales& scales);
+
+  // True once the budget of evaluations or seconds is spent (sets the reason).
+  bool BudgetSpent();
+
+  // The method's own end. Ignored if a reason is already set.
+  void GiveUp(const std::string& why);
+  // The method cannot go on since the last evaluation was not finite.
+  void FailEvaluation();
+
+  // Calls function->Recenter(x), counted.
+  void Recenter(const double* x);
+  // True once the rounding of x itself is about to limit the run: at the last
+  // accepted iterate
+  //   eps * max|x| > 0.05 * (max|g| / Scales::gradient) * Scales::length.
+  bool WantsRebase() const;
+  // Calls function->Rebase(x), counted; moves the best point along.
+  bool Rebase(double* x);
+
+  bool stopped() const { return stopped_; }
+  const Scales& scales() const { return last_scales_; }
+  // max|g| at the last accepted iterate and the bound that it must reach.
+  double max_gradient() const { return last_max_gradient_; }
+  double Tolerance(const Scales& scales) const;
+
+  // Writes the best point to x and returns the summary.
+  Summary Finish(double* x);
+
+ private:
+  void Stop(StopReason reason, std::string message);
+  double Seconds() const;
+  bool IsBetter(double cost, double max_gradient);
+
+  FirstOrderFunction* function_;
+  const SolveOptions options_;
+  const int n_;
+  const std::chrono::steady_clock::time_point start_;
+  double function_seconds_ = 0.0;
+  Counters counters_;
+  std::string solver_name_;
+
+  bool started_ = false;
+  bool stopped_ = false;
+  StopReason reason_ = StopReason::NO_PROGRESS;
+  std::string message_;
+  std::string not_finite_;  // "gradient[17] = nan at evaluation 3"
+  double initial_cost_ = 0.0;
+
+  // Cache of the last evaluation with a gradient.
+  bool cache_valid_ = false;
+  std::vector<double> cache_x_, cache_gradient_;
+  double cache_cost_ = 0.0;
+  Scales cache_scales_;
+
+  double last_max_gradient_ = 0.0;
+  double last_max_x_ = 0.0;
+  bool can_rebase_ = true;
+  Scales last_scales_;
+
+  std::vector<double> best_x_;
+  double least_cost_ = 0.0;
+  double best_cost_ = 0.0;
+  double best_max_gradient_ = 0.0;
+  Scales best_scales_;
+  std::vector<TraceRow> trace_;
+};
+
+}  // namespace granopt
+
+#endif  // GRANOPT_SOLVERS_MONITOR_H_

@@ -1,0 +1,55 @@
+// granopt: sums of one-sided power laws of gaps.
+
+#ifndef GRANOPT_SOLVERS_UNILATERAL_H_
+#define GRANOPT_SOLVERS_UNILATERAL_H_
+
+#include <array>
+#include <vector>
+
+#include "Eigen/Core"
+#include "Eigen/SparseCore"
+#include "solvers/second_order.h"
+
+namespace granopt {
+
+// Names a gap for good: the objects i <= j and the lattice image of j relative
+// to i. Survives the rebuilding of whatever list the function keeps.
+struct GapId {
+  int i = 0;
+  int j = 0;
+  std::array<int, 3> image = {0, 0, 0};
+
+  friend bool operator==(const GapId& a, const GapId& b) {
+    return a.i == b.i && a.j == b.j && a.image == b.image;
+  }
+  friend bool operator<(const GapId& a, const GapId& b) {
+    if (a.i != b.i) return a.i < b.i;
+    if (a.j != b.j) return a.j < b.j;
+    return a.image < b.image;
+  }
+};
+
+// All gaps that are closed at x or could close nearby (a superset of the active
+// terms), in increasing order of id.
+struct Gaps {
+  std::vector<GapId> ids;
+  Eigen::VectorXd delta;      // overlap; negative where the gap is open
+  Eigen::VectorXd stiffness;  // k of each term
+  // d(delta)/dx, one row a gap.
+  Eigen::SparseMatrix<double, Eigen::RowMajor, int> jacobian;
+};
+
+// E(x) = sum over gaps c of k_c (delta_c(x) v 0)^alpha / alpha, the form that an
+// interior point, a least-squares method or a ray search can take apart.
+class UnilateralFunction : public SecondOrderFunction {
+ public:
+  // alpha >= 2.
+  virtual double Exponent() const = 0;
+
+  // Returns false where the function is not defined.
+  virtual bool EvaluateGaps(const double* x, Gaps* gaps) const = 0;
+};
+
+}  // namespace granopt
+
+#endif  // GRANOPT_SOLVERS_UNILATERAL_H_
