@@ -1,0 +1,246 @@
+// jamming: the jamming point of a packing by Algorithm 1 of Wang & Zhang (sec. 2.4):
+// growth of the radii at fixed positions from phi_init by dphi until the packing
+// is jammed, bisection to epsilon, and a decompression along the jammed branch that
+// brings the error bar below epsilon.
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+#include "experiments/run.h"
+#include "experiments/scene.h"
+#include "granular/jamming.h"
+#include "granular/quad_residual.h"
+
+DEFINE_double(phi_init,
+              0.0,
+              "packing fraction of the start; default 0.80 (discs), 0.58 (spheres)");
+DEFINE_double(dphi, 1e-3, "increment delta phi of the growth");
+DEFINE_double(epsilon, 1e-6, "accuracy: the bracket and the error bar are at most this");
+DEFINE_bool(decompress,
+            true,
+            "follow the jammed branch down until the error bar is <= epsilon; "
+            "--nodecompress is the published algorithm");
+
+namespace granopt {
+namespace {
+
+int Main() {
+  if (!IsGiven("tolerance")) FLAGS_tolerance = 1e-8;
+  if (FLAGS_smoke) {
+    if (!IsGiven("particles") && FLAGS_input.empty()) FLAGS_particles = 64;
+    if (!IsGiven("dphi")) FLAGS_dphi = 5e-3;
+    if (!IsGiven("epsilon")) FLAGS_epsilon = 1e-4;
+  }
+  CheckRange("phi_init", FLAGS_phi_init, 0.0, 4.0);
+  CheckPositive("dphi", FLAGS_dphi);
+  CheckPositive("epsilon", FLAGS_epsilon);
+  CheckRange("dphi", FLAGS_dphi, 0.0, 1.0);
+  Scene scene = MakeScene(FLAGS_phi_init > 0.0       ? FLAGS_phi_init
+                          : FLAGS_dimension == 3 ? 0.58
+                                                 : 0.80);
+  const int d = scene.packing.dimension();
+  JammingOptions options;
+  options.energy = scene.energy;
+  options.solve = MakeSolveOptions();
+  options.phi_init =
+      FLAGS_phi_init > 0.0 ? FLAGS_phi_init : (d == 3 ? 0.58 : 0.80);
+  options.phi_increment = FLAGS_dphi;
+  options.accuracy = FLAGS_epsilon;
+  options.decompress = FLAGS_decompress;
+
+  Output output;
+  output.Create(FLAGS_out);
+  std::printf("jamming   %s (%s), alpha = %g\n",
+              Describe(scene.packing).c_str(),
+              scene.origin.c_str(),
+              scene.energy.alpha);
+  std::printf("          Algorithm 1: from phi = %.4f by %g, then to %g; each state "
+              "relaxed to |g| <= %g mean forces\n",
+              options.phi_init,
+              options.phi_increment,
+              options.accuracy,
+              options.solve.relative_tolerance);
+  std::printf("          method %s\n", scene.solver->name().c_str());
+  std::fflush(stdout);
+
+  std::string csv =
+      "stage,phi,energy,pressure,coordination,rigid_grains,rigid_contacts,"
+      "verdict,iterations,evaluations,seconds\n";
+  JammingResult result;
+  std::string error;
+  bool found;
+  {
+    Progress progress;
+    int done = 0;
+    double spent = 0.0;
+    std::string stage_line;
+    // What is left of the present stage, in relaxations.
+    const auto estimate = [&](const JammingStep& step) {
+      const double mean = spent / std::max(1, done);
+      switch (step.stage) {
+        case JammingStage::BISECTION: {
+          const double left = std::ceil(
+              std::log2((step.phi_jammed - step.phi_unjammed) / FLAGS_epsilon));
+          return Format("bracket [%.7f, %.7f], at most %.0f more halvings, "
+                        "about %.0f s",
+                        step.phi_unjammed,
+                        step.phi_jammed,
+                        std::max(0.0, left),
+                        std::max(0.0, left) * mean);
+        }
+        case JammingStage::DECOMPRESSION:
+          return Format("error bar %.1e (to %.1e)", step.distance, FLAGS_epsilon);
+        default:
+          return Format("phi = %.4f, discs jam near 0.84, spheres near 0.64",
+                        step.phi);
+      }
+    };
+    options.solve.callback = [&](const IterationState& state) {
+      if (progress.Due()) {
+        progress.Show(Format(
+            "%s | relaxation %d, iteration %lld: |g| / mean force %.1e",
+            stage_line.c_str(),
+            done + 1,
+            static_cast<long long>(state.counters.iterations),
+            state.scales.gradient > 0 ? state.max_gradient / state.scales.gradient
+                                      : 0.0));
+      }
+      return true;
+    };
+    const auto observer = [&](const JammingStep& step) {
+      const Observables& o = step.result->observables;
+      const Summary& s = step.result->summary;
+      ++done;
+      spent += s.seconds;
+      csv += Format("%s,%.17g,%.17g,%.17g,%.17g,%d,%d,%s,%lld,%lld,%.6g\n",
+                    JammingStageName(step.stage),
+                    o.packing_fraction,
+                    step.verdict == JammingVerdict::UNJAMMED ? 0.0 : o.energy,
+                    step.verdict == JammingVerdict::UNJAMMED ? 0.0 : o.pressure,
+                    o.coordination,
+                    o.rigid_grains,
+                    o.rigid_contacts,
+                    JammingVerdictName(step.verdict),
+                    static_cast<long long>(s.counters.iterations),
+                    static_cast<long long>(s.counters.evaluations),
+                    s.seconds);
+      stage_line = std::string(JammingStageName(step.stage)) + ": " + estimate(step);
+      return true;
+    };
+    found = FindJamming(
+        scene.packing, options, *scene.solver, observer, &result, &error);
+  }
+  Json json;
+  json["found"] = found;
+  json["converged"] = found && result.converged;
+  json["relaxations"] = result.relaxations;
+  json["iterations"] = result.counters.iterations;
+  json["evaluations"] = result.counters.evaluations;
+  json["seconds"] = result.seconds;
+  json["solver"] = scene.solver->name();
+  json["alpha"] = scene.energy.alpha;
+  json["dimension"] = d;
+  json["particles"] = scene.packing.size();
+  json["phi_init"] = options.phi_init;
+  json["dphi"] = options.phi_increment;
+  json["epsilon"] = options.accuracy;
+  json["tolerance"] = options.solve.relative_tolerance;
+  json["schema"] = "granopt/jamming/1";
+  output.Write("path.csv", csv);
+  if (!found) {
+    json["error"] = error;
+    json["provenance"] = Provenance();
+    output.WriteJson("summary.json", json);
+    std::fprintf(stderr, "jamming: %s\n", error.c_str());
+    output.PrintFiles();
+    return kNotConverged;
+  }
+  QuadResidual judge;
+  if (!EvaluateQuad(
+          result.jammed.packing, scene.energy, nullptr, &judge, &error)) {
+    BadInput(error);
+  }
+  const double judged =
+      judge.mean_force > 0.0 ? judge.max_gradient / judge.mean_force : 0.0;
+  const Observables& o = result.jammed.observables;
+  json["phi_j"] = result.phi_j;
+  json["phi_j_error"] = result.distance;
+  json["phi_cr"] = result.phi_cr;
+  json["slope_from_branch"] = result.secant;
+  json["state"] = RelaxationJson(result.jammed);
+  json["state"]["quad_relative_residual"] = judged;
+  json["provenance"] = Provenance();
+
+  output.WriteJson("summary.json", json);
+  output.WritePacking("packing.xyz", Annotated(result.jammed, scene.energy));
+  output.Write("contacts.csv", ContactsCsv(result.jammed));
+  output.WritePacking("stage_initial.xyz", result.start);
+  output.WritePacking("stage_unjammed.xyz", result.unjammed);
+  output.Plot({"packing",
+               output.Path("packing.xyz"),
+               output.Path("contacts.csv"),
+               output.Path("packing")},
+              {"packing.svg", "packing.png"});
+  if (d == 2) {
+    output.Plot({"stages", output.folder(), output.Path("stages")},
+                {"stages.svg", "stages.png"});
+  }
+  output.Plot({"path",
+               output.Path("path.csv"),
+               output.Path("path"),
+               Format("--phi_j=%.17g", result.phi_j)},
+              {"path.svg", "path.png"});
+
+  // Digits of phi_J down to those of its error.
+  const int digits = std::clamp(
+      1 - static_cast<int>(std::floor(std::log10(result.distance))), 4, 15);
+  std::printf("\nphi_J = %.*f +- %.1e%s\n",
+              digits,
+              result.phi_j,
+              result.distance,
+              result.converged ? "" : "   NOT CONVERGED: error bar > epsilon");
+  std::printf("  jammed state  phi = %.*f, pressure %.4e, mean overlap / mean "
+              "radius %.1e\n",
+              digits,
+              result.phi_cr,
+              o.pressure,
+              o.mean_overlap / result.jammed.packing.MeanRadius());
+  std::printf("  error bar     (alpha - 1) p / p', p' = dp/dphi %s\n",
+              result.secant ? "measured along the branch" : "for fixed positions");
+  std::printf("  contacts      %d among %d rigid grains, z = %.4f (isostatic: %d, "
+              "excess %d); %d rattlers\n",
+              o.rigid_contacts,
+              o.rigid_grains,
+              o.coordination,
+              o.isostatic_contacts,
+              o.rigid_contacts - o.isostatic_contacts,
+              o.rattlers);
+  std::printf("  residual      %.1e mean forces, judged in quadruple precision\n",
+              judged);
+  std::printf("  work          %d relaxations, %lld iterations, %lld evaluations, "
+              "%.3g s\n",
+              result.relaxations,
+              static_cast<long long>(result.counters.iterations),
+              static_cast<long long>(result.counters.evaluations),
+              result.seconds);
+  if (d == 2 && FLAGS_input.empty()) {
+    std::printf("  literature    0.8418 for N -> infinity and a rapid quench; a "
+                "single packing of this size scatters by about %.3f\n",
+                0.2 / std::sqrt(static_cast<double>(o.grains)));
+  }
+  output.PrintFiles();
+  return result.converged ? kConverged : kNotConverged;
+}
+
+}  // namespace
+}  // namespace granopt
+
+int main(int argc, char** argv) {
+  granopt::ParseFlags(&argc,
+                      &argv,
+                      "find the jamming point of a packing: growth, bisection, "
+                      "decompression (Algorithm 1)");
+  return granopt::Main();
+}

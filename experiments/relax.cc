@@ -1,0 +1,183 @@
+// relax: one energy minimization of one packing, the everyday tool.
+//
+//   relax --input=F.xyz | --particles=N --phi=P --seed=S
+//         --alpha=2 --solver=NAME[:key=value,...] --tolerance=1e-10
+//         --radius_factor=1 --simple_shear=0 --pure_shear=0 --perturb=0
+//         --out=DIR
+//
+// Writes DIR/summary.json, DIR/packing.xyz, DIR/contacts.csv, DIR/trace.csv and
+// two figures. Scripts may rely on flags, files and exit status.
+
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <string>
+
+#include "experiments/run.h"
+#include "experiments/scene.h"
+#include "granular/quad_residual.h"
+#include "granular/relaxation.h"
+
+DEFINE_double(phi, 0.8438, "packing fraction of a random start");
+DEFINE_double(absolute_tolerance,
+              0.0,
+              "if > 0: stop at max|g| <= this instead, in units k = 1, box = 1");
+DEFINE_double(radius_factor, 1.0, "multiply all radii before relaxing");
+DEFINE_double(simple_shear, 0.0, "shear strain gamma: D = (1 gamma; 0 1)");
+DEFINE_double(pure_shear, 0.0, "strain gamma: D = diag(1 + gamma, 1/(1 + gamma))");
+DEFINE_double(perturb,
+              0.0,
+              "random displacement of each coordinate, uniform in +-this, box = 1");
+DEFINE_double(max_seconds, 0.0, "give up after this time (0: never)");
+DEFINE_int64(max_evaluations, 0, "give up after this many evaluations (0: never)");
+
+namespace granopt {
+namespace {
+
+int Main() {
+  if (!FLAGS_input.empty() && IsGiven("phi")) {
+    BadInput("--phi describes a random start and cannot go with --input");
+  }
+  CheckPositive("phi", FLAGS_phi);
+  CheckPositive("radius_factor", FLAGS_radius_factor);
+  CheckRange("absolute_tolerance", FLAGS_absolute_tolerance, 0.0, 1e300);
+  CheckRange("simple_shear", FLAGS_simple_shear, -1e3, 1e3);
+  CheckRange("pure_shear", FLAGS_pure_shear, -0.99, 1e3);
+  CheckRange("perturb", FLAGS_perturb, 0.0, 1.0);
+  CheckRange("max_seconds", FLAGS_max_seconds, 0.0, 1e300);
+  CheckRange("max_evaluations", FLAGS_max_evaluations, 0.0, 9e18);
+  if (FLAGS_smoke && !IsGiven("particles") && FLAGS_input.empty()) {
+    FLAGS_particles = 64;
+  }
+  Scene scene = MakeScene(FLAGS_phi);
+  Packing& packing = scene.packing;
+  const int d = packing.dimension();
+
+  // The load, in this order.
+  if (FLAGS_radius_factor != 1.0) packing.ScaleRadii(FLAGS_radius_factor);
+  if (FLAGS_simple_shear != 0.0) {
+    packing.Deform(SimpleShear(d, FLAGS_simple_shear));
+  }
+  if (FLAGS_pure_shear != 0.0) packing.Deform(PureShear(d, FLAGS_pure_shear));
+  if (FLAGS_perturb > 0.0) {
+    packing.Perturb(FLAGS_perturb * packing.box.Length(), FLAGS_seed);
+  }
+
+  SolveOptions options = MakeSolveOptions();
+  if (FLAGS_absolute_tolerance > 0.0) {
+    options.absolute_tolerance =
+        FLAGS_absolute_tolerance * scene.energy.stiffness *
+        std::pow(packing.box.Length(), scene.energy.alpha - 1.0);
+  }
+  if (FLAGS_max_seconds > 0.0) options.max_seconds = FLAGS_max_seconds;
+  if (FLAGS_max_evaluations > 0) {
+    options.max_evaluations = FLAGS_max_evaluations;
+  }
+  options.record_trace = true;
+
+  Output output;
+  output.Create(FLAGS_out);
+  std::printf("relax     %s (%s)\n",
+              Describe(packing).c_str(),
+              scene.origin.c_str());
+  std::printf("          phi = %.6f, contact energy k delta^%g / %g, k = %g\n",
+              packing.PackingFraction(),
+              scene.energy.alpha,
+              scene.energy.alpha,
+              scene.energy.stiffness);
+  std::printf("          method %s\n", scene.solver->name().c_str());
+  std::fflush(stdout);
+
+  Relaxation result;
+  std::string error;
+  {
+    Progress progress;
+    options.callback = [&](const IterationState& state) {
+      if (progress.Due()) {
+        const double scale = state.scales.gradient;
+        progress.Show(Format(
+            "iteration %lld, %.1f s: energy %.6e, |g| / mean force %.1e (to %.1e)",
+            static_cast<long long>(state.counters.iterations),
+            state.seconds,
+            state.cost,
+            state.max_gradient / scale,
+            options.absolute_tolerance > 0.0 ? options.absolute_tolerance / scale
+                                             : options.relative_tolerance));
+      }
+      return true;
+    };
+    if (!Relax(packing, scene.energy, *scene.solver, options, &result, &error)) {
+      BadInput(scene.origin + ": " + error);
+    }
+  }
+  QuadResidual judge;
+  if (!EvaluateQuad(result.packing, scene.energy, nullptr, &judge, &error)) {
+    BadInput(error);
+  }
+  const double judged =
+      judge.mean_force > 0.0 ? judge.max_gradient / judge.mean_force : 0.0;
+
+  Json json = RelaxationJson(result);
+  json["relative_residual"] = result.observables.relative_residual;
+  json["quad_relative_residual"] = judged;
+  json["quad_energy"] = judge.energy;
+  json["alpha"] = scene.energy.alpha;
+  json["k"] = scene.energy.stiffness;
+  json["dimension"] = d;
+  json["particles"] = packing.size();
+  json["schema"] = "granopt/relax/1";
+  json["provenance"] = Provenance();
+  output.WritePacking("packing.xyz", Annotated(result, scene.energy));
+  output.WriteJson("summary.json", json);
+  output.Write("contacts.csv", ContactsCsv(result));
+  output.Write("trace.csv", TraceCsv(result.summary));
+  output.Plot({"packing",
+               output.Path("packing.xyz"),
+               output.Path("contacts.csv"),
+               output.Path("packing")},
+              {"packing.svg", "packing.png"});
+  if (result.summary.trace.size() > 1) {
+    output.Plot({"trace", output.Path("trace.csv"), output.Path("trace")},
+                {"trace.svg", "trace.png"});
+  }
+
+  const Summary& s = result.summary;
+  const Observables& o = result.observables;
+  std::printf("\n%s  %s\n", StopReasonName(s.reason), s.message.c_str());
+  std::printf("  energy        %.10e\n", o.energy);
+  std::printf("  pressure      %.10e   shear stress %.3e\n",
+              o.pressure,
+              o.shear_stress);
+  std::printf("  contacts      %d, z = %.4f; rigid part: %d grains with %d "
+              "contacts (isostatic: %d)\n",
+              o.contacts,
+              o.coordination,
+              o.rigid_grains,
+              o.rigid_contacts,
+              o.isostatic_contacts);
+  std::printf("  rattlers      %d of %d\n", o.rattlers, o.grains);
+  std::printf("  mean force    %.4e   mean overlap / mean radius %.2e\n",
+              o.mean_force,
+              o.mean_overlap / packing.MeanRadius());
+  std::printf("  residual      %.1e mean forces, judged in quadruple precision\n",
+              judged);
+  std::printf("  work          %lld iterations, %lld evaluations, %.3g s "
+              "(%.0f %% in the energy)\n",
+              static_cast<long long>(s.counters.iterations),
+              static_cast<long long>(s.counters.evaluations),
+              s.seconds,
+              s.seconds > 0 ? 100.0 * s.function_seconds / s.seconds : 0.0);
+  output.PrintFiles();
+  return s.Succeeded() ? kConverged : kNotConverged;
+}
+
+}  // namespace
+}  // namespace granopt
+
+int main(int argc, char** argv) {
+  granopt::ParseFlags(&argc,
+                      &argv,
+                      "minimize the contact energy of a packing of discs or "
+                      "spheres in a periodic cell");
+  return granopt::Main();
+}

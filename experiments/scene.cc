@@ -1,0 +1,96 @@
+#include "experiments/scene.h"
+
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+
+#include "experiments/run.h"
+#include "granular/packing_generator.h"
+#include "granular/packing_io.h"
+#include "solvers/registry.h"
+
+DEFINE_string(input, "", "extended XYZ file to start from (instead of a random start)");
+DEFINE_int32(particles, 1024, "grains of a random start, half of them 1.4 times larger");
+DEFINE_int32(dimension, 2, "dimension of a random start: 2 or 3");
+DEFINE_double(alpha,
+              2.0,
+              "exponent of the contact energy k delta^alpha / alpha, >= 2; "
+              "default: the input's own alpha, else 2");
+DEFINE_string(solver,
+              "ceres_lbfgs:scaled=1,restarts=10",
+              "method as name:key=value,... (see --list_solvers)");
+DEFINE_double(tolerance, 1e-10, "stop at max|g| <= tolerance * mean contact force");
+DEFINE_double(zero_pressure,
+              1e-13,
+              "unjammed if (p / (k r^(alpha-d)))^(1/(alpha-1)) is below this "
+              "(dimensionless, about 0.4 times a distance in phi)");
+DEFINE_bool(list_solvers, false, "print the methods with their options and exit");
+
+namespace granopt {
+
+Scene MakeScene(double phi) {
+  if (FLAGS_list_solvers) {
+    std::fputs(SolverTable().c_str(), stdout);
+    std::exit(kConverged);
+  }
+  Scene scene;
+  std::string error;
+  scene.solver = CreateSolver(FLAGS_solver, &error);
+  if (scene.solver == nullptr) BadInput("--solver: " + error);
+  CheckPositive("tolerance", FLAGS_tolerance);
+  CheckPositive("zero_pressure", FLAGS_zero_pressure);
+
+  if (!FLAGS_input.empty()) {
+    for (const char* flag : {"particles", "dimension"}) {
+      if (IsGiven(flag)) {
+        BadInput(std::string("--") + flag +
+                 " describes a random start and cannot go with --input");
+      }
+    }
+    if (!ReadPacking(FLAGS_input, &scene.packing, &error)) {
+      BadInput("--input: " + error);
+    }
+    scene.origin = FLAGS_input;
+  } else {
+    GeneratorOptions options;
+    options.dimension = FLAGS_dimension;
+    options.particles = FLAGS_particles;
+    options.packing_fraction = phi;
+    options.seed = FLAGS_seed;
+    if (!GeneratePacking(options, &scene.packing, &error)) BadInput("--" + error);
+    scene.origin = "seed " + std::to_string(FLAGS_seed);
+  }
+
+  // The file may say which law it was made with.
+  const auto attribute = [&scene](const char* key, double fallback) {
+    const auto found = scene.packing.attributes.find(key);
+    if (found == scene.packing.attributes.end()) return fallback;
+    char* end = nullptr;
+    const double value = std::strtod(found->second.c_str(), &end);
+    if (found->second.empty() || *end != '\0' || !std::isfinite(value)) {
+      BadInput("--input: " + FLAGS_input + ":2: " + key + "=" + found->second +
+               " is not a number");
+    }
+    return value;
+  };
+  scene.energy.alpha =
+      IsGiven("alpha") ? FLAGS_alpha : attribute("alpha", FLAGS_alpha);
+  scene.energy.stiffness = attribute("k", 1.0);
+  if (!(scene.energy.alpha >= 2.0 && scene.energy.alpha <= 100.0)) {
+    BadInput(Format("--alpha=%g must be in [2, 100]", scene.energy.alpha));
+  }
+  // Whatever else the energy refuses (two grains at one place are found here too).
+  if (ContactEnergy::Create(scene.packing, scene.energy, &error) == nullptr) {
+    BadInput(scene.origin + ": " + error);
+  }
+  return scene;
+}
+
+SolveOptions MakeSolveOptions() {
+  SolveOptions options;
+  options.relative_tolerance = FLAGS_tolerance;
+  options.vanishing_tolerance = FLAGS_zero_pressure;
+  return options;
+}
+
+}  // namespace granopt

@@ -1,0 +1,302 @@
+#include "granular/jamming.h"
+
+#include <cmath>
+#include <cstdio>
+#include <utility>
+
+namespace granopt {
+namespace {
+
+void Add(const Counters& part, Counters* sum) {
+  sum->iterations += part.iterations;
+  sum->evaluations += part.evaluations;
+  sum->hessians += part.hessians;
+  sum->factorizations += part.factorizations;
+  sum->solves += part.solves;
+  sum->linear_iterations += part.linear_iterations;
+  sum->restarts += part.restarts;
+  sum->recenters += part.recenters;
+  sum->rebases += part.rebases;
+}
+
+// A run of the protocol.
+class Protocol {
+ public:
+  Protocol(const JammingOptions& options,
+           const Solver& solver,
+           const std::function<bool(const JammingStep&)>& observer,
+           JammingResult* result,
+           std::string* error)
+      : options_(options),
+        solver_(solver),
+        observer_(observer),
+        result_(result),
+        error_(error) {}
+
+  bool Run(Packing packing) {
+    // Start.
+    packing.SetPackingFraction(options_.phi_init);
+    Relaxation state;
+    JammingVerdict verdict;
+    if (!RelaxAndJudge(JammingStage::START, packing, &state, &verdict)) {
+      return false;
+    }
+    if (verdict == JammingVerdict::JAMMED) {
+      return Fail("the start is jammed already at phi_init = %.6f (p = %.3e): "
+                  "begin lower",
+                  options_.phi_init,
+                  state.observables.pressure);
+    }
+    result_->start = state.packing;
+    result_->unjammed = state.packing;
+
+    // Increment step.
+    double phi_ref = options_.phi_init;
+    Packing reference = state.packing;
+    phi_unjammed_ = phi_ref;
+    for (int step = 1; phi_jammed_ == 0.0; ++step) {
+      const double phi = options_.phi_init + step * options_.phi_increment;
+      packing = reference;
+      packing.SetPackingFraction(phi);
+      if (!RelaxAndJudge(JammingStage::GROWTH, packing, &state, &verdict)) {
+        return false;
+      }
+      if (verdict == JammingVerdict::JAMMED) {
+        phi_jammed_ = phi;
+        result_->jammed = std::move(state);
+      } else {
+        phi_ref = phi;
+        phi_unjammed_ = phi;
+        reference = std::move(state.packing);
+      }
+    }
+    result_->unjammed = reference;
+
+    // Bisection step.
+    while (phi_jammed_ - phi_unjammed_ > options_.accuracy) {
+      const double phi = 0.5 * (phi_jammed_ + phi_unjammed_);
+      if (!(phi > phi_unjammed_) || !(phi < phi_jammed_)) break;
+      packing = reference;
+      packing.SetPackingFraction(phi);
+      if (!RelaxAndJudge(JammingStage::BISECTION, packing, &state, &verdict)) {
+        return false;
+      }
+      if (verdict == JammingVerdict::JAMMED) {
+        phi_jammed_ = phi;
+        result_->jammed = std::move(state);
+      } else {
+        phi_unjammed_ = phi;
+        reference = std::move(state.packing);
+      }
+    }
+
+    result_->phi_cr = phi_jammed_;
+    UpdateDistance(AffineSlope(), /*secant=*/false);
+    if (!Decompress()) return false;
+    result_->converged = result_->distance <= options_.accuracy;
+    return true;
+  }
+
+ private:
+  template <typename... T>
+  bool Fail(const char* format, T... values) {
+    char line[512];
+    std::snprintf(line, sizeof(line), format, values...);
+    *error_ = line;
+    return false;
+  }
+
+  // x = p^(1/(alpha-1)), which is linear in phi - phi_J.
+  double Linear(double pressure) const {
+    return std::pow(pressure, 1.0 / (options_.energy.alpha - 1.0));
+  }
+
+  // dx/dphi from the affine dp/dphi.
+  double AffineSlope() const {
+    const double p = result_->jammed.observables.pressure;
+    const double alpha = options_.energy.alpha;
+    return Linear(p) / p / (alpha - 1.0) *
+           AffinePressureSlope(result_->jammed.packing,
+                               result_->jammed.contacts);
+  }
+
+  void UpdateDistance(double slope, bool secant) {
+    slope_ = slope;
+    result_->secant = secant;
+    result_->distance = Linear(result_->jammed.observables.pressure) / slope;
+    result_->phi_j = result_->phi_cr - result_->distance;
+  }
+
+  // Down the branch; at least one step, which measures p'. The affine slope is too
+  // steep, so the first step stays on the branch.
+  bool Decompress() {
+    double fraction = 0.5;
+    int failures = 0;
+    while (!result_->secant ||
+           (options_.decompress && result_->distance > options_.accuracy)) {
+      const double phi = result_->phi_cr - fraction * result_->distance;
+      if (!(phi < result_->phi_cr)) return true;  // below the last digit
+      Packing packing = result_->jammed.packing;
+      packing.SetPackingFraction(phi);
+      Relaxation state;
+      JammingVerdict verdict;
+      if (!RelaxAndJudge(
+              JammingStage::DECOMPRESSION, packing, &state, &verdict)) {
+        return false;
+      }
+      const double x_before = Linear(result_->jammed.observables.pressure);
+      const double slope =
+          (x_before - Linear(state.observables.pressure)) /
+          (result_->phi_cr - phi);
+      if (verdict != JammingVerdict::JAMMED || !(slope > 0.0)) {
+        // The branch ended above its extrapolation, or rearranged upwards.
+        if (++failures == 6) return true;
+        fraction *= 0.5;
+        continue;
+      }
+      if (options_.decompress || !result_->secant) {
+        if (options_.decompress) {
+          result_->jammed = std::move(state);
+          result_->phi_cr = phi;
+          phi_jammed_ = phi;
+        }
+        UpdateDistance(slope, /*secant=*/true);
+      }
+      if (failures == 0) fraction = 0.9;
+    }
+    return true;
+  }
+
+  bool RelaxAndJudge(JammingStage stage,
+                     const Packing& packing,
+                     Relaxation* state,
+                     JammingVerdict* verdict) {
+    const Packing* start = &packing;
+    Packing again;
+    for (int attempt = 1;; ++attempt) {
+      if (!Relax(*start,
+                 options_.energy,
+                 solver_,
+                 options_.solve,
+                 state,
+                 error_)) {
+        return false;
+      }
+      ++result_->relaxations;
+      Add(state->summary.counters, &result_->counters);
+      result_->seconds += state->summary.seconds;
+      *verdict = Judge(*state);
+      if (observer_) {
+        JammingStep step;
+        step.stage = stage;
+        step.relaxation = result_->relaxations;
+        step.phi = packing.PackingFraction();
+        step.verdict = *verdict;
+        step.result = state;
+        step.phi_unjammed = phi_unjammed_;
+        step.phi_jammed = phi_jammed_;
+        step.distance = result_->distance;
+        if (!observer_(step)) return Fail("stopped by the caller");
+      }
+      if (*verdict != JammingVerdict::UNDECIDED) return true;
+      if (attempt == options_.max_attempts) {
+        return Fail("undecided at phi = %.10f after %d attempts: max|g| = %.2e "
+                    "mean forces > %.1e, p = %.3e (%s)",
+                    packing.PackingFraction(),
+                    attempt,
+                    state->observables.relative_residual,
+                    options_.undecided_residual,
+                    state->observables.pressure,
+                    state->summary.message.c_str());
+      }
+      again = state->packing;
+      start = &again;
+    }
+  }
+
+  JammingVerdict Judge(const Relaxation& state) const {
+    switch (state.summary.reason) {
+      case StopReason::VANISHED:
+        return JammingVerdict::UNJAMMED;
+      case StopReason::CONVERGED:
+        return JammingVerdict::JAMMED;
+      default:
+        return state.observables.relative_residual <=
+                       options_.undecided_residual
+                   ? JammingVerdict::JAMMED
+                   : JammingVerdict::UNDECIDED;
+    }
+  }
+
+  const JammingOptions& options_;
+  const Solver& solver_;
+  const std::function<bool(const JammingStep&)>& observer_;
+  JammingResult* result_;
+  std::string* error_;
+  double phi_unjammed_ = 0.0;
+  double phi_jammed_ = 0.0;
+  double slope_ = 0.0;
+};
+
+}  // namespace
+
+const char* JammingStageName(JammingStage stage) {
+  switch (stage) {
+    case JammingStage::START:
+      return "start";
+    case JammingStage::GROWTH:
+      return "growth";
+    case JammingStage::BISECTION:
+      return "bisection";
+    case JammingStage::DECOMPRESSION:
+      return "decompression";
+  }
+  return "unknown";
+}
+
+const char* JammingVerdictName(JammingVerdict verdict) {
+  switch (verdict) {
+    case JammingVerdict::UNJAMMED:
+      return "unjammed";
+    case JammingVerdict::JAMMED:
+      return "jammed";
+    case JammingVerdict::UNDECIDED:
+      return "undecided";
+  }
+  return "unknown";
+}
+
+double AffinePressureSlope(const Packing& packing,
+                           const std::vector<Contact>& contacts) {
+  const int d = packing.dimension();
+  double sum = 0.0;
+  for (const Contact& c : contacts) {
+    sum += c.stiffness * c.distance *
+           (packing.radii[c.id.i] + packing.radii[c.id.j]);
+  }
+  return sum / (d * packing.box.Volume()) / (d * packing.PackingFraction());
+}
+
+bool FindJamming(const Packing& start,
+                 const JammingOptions& options,
+                 const Solver& solver,
+                 const std::function<bool(const JammingStep&)>& observer,
+                 JammingResult* result,
+                 std::string* error) {
+  const auto positive = [error](const char* name, double value) {
+    if (value > 0.0 && std::isfinite(value)) return true;
+    char line[128];
+    std::snprintf(line, sizeof(line), "%s = %g must be positive", name, value);
+    *error = line;
+    return false;
+  };
+  if (!positive("phi_init", options.phi_init) ||
+      !positive("dphi", options.phi_increment) ||
+      !positive("epsilon", options.accuracy) || !start.IsValid(error)) {
+    return false;
+  }
+  *result = JammingResult();
+  return Protocol(options, solver, observer, result, error).Run(start);
+}
+
+}  // namespace granopt

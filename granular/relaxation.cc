@@ -1,0 +1,33 @@
+#include "granular/relaxation.h"
+
+#include <memory>
+#include <utility>
+
+namespace granopt {
+
+bool Relax(const Packing& start,
+           const ContactEnergyOptions& energy_options,
+           const Solver& solver,
+           const SolveOptions& solve_options,
+           Relaxation* result,
+           std::string* error) {
+  const std::unique_ptr<ContactEnergy> energy =
+      ContactEnergy::Create(start, energy_options, error);
+  if (energy == nullptr) return false;
+  std::vector<double> u(energy->NumParameters(), 0.0);
+  Relaxation relaxation;
+  relaxation.summary =
+      solver.Minimize(energy.get(), solve_options, u.data());
+  energy->Recenter(u.data());
+  relaxation.packing = energy->Configuration(u.data());
+  relaxation.contacts = energy->Contacts(u.data());
+  double value = 0.0;
+  energy->EvaluateWithScales(u.data(), &value, nullptr, nullptr);
+  relaxation.observables =
+      Measure(relaxation.packing, relaxation.contacts, value);
+  relaxation.list_builds = energy->num_list_builds();
+  *result = std::move(relaxation);
+  return true;
+}
+
+}  // namespace granopt
