@@ -17,7 +17,7 @@ DEFINE_double(alpha,
               "exponent of the contact energy k delta^alpha / alpha, >= 2; "
               "default: the input's own alpha, else 2");
 DEFINE_string(solver,
-              "ceres_lbfgs:scaled=1,restarts=10",
+              "ceres_lbfgs:scaled=1,differences=1,restarts=10",
               "method as name:key=value,... (see --list_solvers)");
 DEFINE_double(tolerance, 1e-10, "stop at max|g| <= tolerance * mean contact force");
 DEFINE_double(zero_pressure,

@@ -16,12 +16,20 @@ bool WriteFileAtomically(const std::string& path,
                          std::string* error) {
   const std::string temporary =
       path + "." + std::to_string(static_cast<long>(getpid())) + ".tmp";
+  int file = -1;
   const auto fail = [&](const char* what) {
     *error = path + ": cannot " + what + ": " + std::strerror(errno);
+    if (file >= 0) close(file);
     unlink(temporary.c_str());
     return false;
   };
-  const int file = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
+  // Renaming over a device or a pipe would put a file in its place.
+  struct stat status;
+  if (stat(path.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {
+    *error = path + ": cannot write: not a regular file";
+    return false;
+  }
+  file = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644);
   if (file < 0) return fail("write");
   std::size_t done = 0;
   while (done < content.size()) {
@@ -29,16 +37,14 @@ bool WriteFileAtomically(const std::string& path,
         write(file, content.data() + done, content.size() - done);
     if (written < 0) {
       if (errno == EINTR) continue;
-      close(file);
       return fail("write");
     }
     done += static_cast<std::size_t>(written);
   }
-  if (fsync(file) != 0 && errno != EINVAL) {
-    close(file);
-    return fail("sync");
-  }
-  if (close(file) != 0) return fail("close");
+  if (fsync(file) != 0 && errno != EINVAL) return fail("sync");
+  const int closed = close(file);
+  file = -1;
+  if (closed != 0) return fail("close");
   if (std::rename(temporary.c_str(), path.c_str()) != 0) return fail("rename");
   return true;
 }

@@ -1,5 +1,6 @@
 #include "granular/box.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "Eigen/LU"
@@ -22,9 +23,16 @@ Box Box::Cube(int dimension, double length) {
 bool Box::IsValid() const {
   if (dimension() != edges_.cols() || dimension() < 2) return false;
   if (!edges_.allFinite() || !inverse_.allFinite()) return false;
-  double product = 1.0;
-  for (int k = 0; k < dimension(); ++k) product *= edges_.col(k).norm();
-  return std::isfinite(product) && volume_ > 1e-12 * product;
+  double product = 1.0, longest = 0.0, least_height = heights_[0];
+  for (int k = 0; k < dimension(); ++k) {
+    const double length = edges_.col(k).norm();
+    product *= length;
+    longest = std::max(longest, length);
+    least_height = std::min(least_height, heights_[k]);
+  }
+  // The second bound keeps image numbers and Reduced() within an int.
+  return std::isfinite(product) && volume_ > 1e-12 * product &&
+         longest < 1e8 * least_height;
 }
 
 double Box::Length() const {

@@ -43,9 +43,11 @@ bool Packing::IsValid(std::string* error) const {
   for (int i = 0; i < n; ++i) {
     for (int k = 0; k < d; ++k) {
       const DoubleDouble x = Position(i, k);
+      double cells = 0.0;
+      for (int c = 0; c < d; ++c) cells += box.inverse()(k, c) * positions(c, i);
       // Beyond 1e6 cells the image numbers lose their meaning.
       if (!std::isfinite(x.hi) || !std::isfinite(x.lo) ||
-          std::abs(x.hi) > 1e6 * box.edges().cwiseAbs().maxCoeff()) {
+          !(std::abs(cells) <= 1e6)) {
         return fail(GrainError(i, "position", x.hi) +
                     "is not finite or far outside the cell");
       }

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <string_view>
 #include <utility>
@@ -28,7 +27,9 @@ bool IsSpace(char c) { return c == ' ' || c == '\t' || c == '\r'; }
 
 // A finite number that fills all of `token`.
 bool ParseReal(std::string_view token, double* value) {
-  if (!token.empty() && token.front() == '+') token.remove_prefix(1);
+  if (token.size() > 1 && token[0] == '+' && token[1] != '-') {
+    token.remove_prefix(1);
+  }
   const char* end = token.data() + token.size();
   const auto result = std::from_chars(token.data(), end, *value);
   return result.ec == std::errc() && result.ptr == end && std::isfinite(*value);
@@ -82,21 +83,27 @@ class Parser {
     const std::size_t end = text_.find('\n', at_);
     const std::size_t stop = end == std::string::npos ? text_.size() : end;
     *line = std::string_view(text_).substr(at_, stop - at_);
+    if (!line->empty() && line->back() == '\r') line->remove_suffix(1);
     at_ = end == std::string::npos ? text_.size() : end + 1;
     return true;
   }
 
   // key=value, key="value with blanks", "quoted key"=value, or a bare flag.
+  // Inside quotes a backslash stands before a quote or a backslash that is
+  // meant, and \n is a line break.
   bool Attributes(std::string_view line,
                   std::map<std::string, std::string>* attributes) {
     std::size_t at = 0;
     const auto word = [&](bool is_key, std::string* out) {
       out->clear();
       if (at < line.size() && line[at] == '"') {
-        const std::size_t end = line.find('"', at + 1);
-        if (end == std::string_view::npos) return false;
-        *out = std::string(line.substr(at + 1, end - at - 1));
-        at = end + 1;
+        for (++at; at < line.size() && line[at] != '"'; ++at) {
+          const bool escaped = line[at] == '\\' && at + 1 < line.size();
+          if (escaped) ++at;
+          *out += escaped && line[at] == 'n' ? '\n' : line[at];
+        }
+        if (at == line.size()) return false;
+        ++at;
         return true;
       }
       while (at < line.size() && !IsSpace(line[at]) &&
@@ -333,7 +340,18 @@ class Parser {
       return Fail("Lattice: the cell is singular");
     }
     result.positions = x.topRows(dimension);
-    if (low != nullptr) result.positions_low = x_low.topRows(dimension);
+    if (low != nullptr && !x_low.topRows(dimension).isZero(0.0)) {
+      result.positions_low = x_low.topRows(dimension);
+      for (int i = 0; i < n; ++i) {
+        for (int k = 0; k < dimension; ++k) {
+          // Low parts as large as an ulp of the high part are carried over.
+          const DoubleDouble given = result.Position(i, k);
+          if (given.Value() != given.hi) {
+            result.SetPosition(i, k, TwoSum(given.hi, given.lo));
+          }
+        }
+      }
+    }
     std::string problem;
     if (!result.IsValid(&problem)) return Fail(problem);
     *packing = std::move(result);
@@ -347,10 +365,54 @@ class Parser {
   std::string error_;
 };
 
+// " %.17g" in any locale.
 void AppendReal(double value, std::string* out) {
   char buffer[32];
-  const int length = std::snprintf(buffer, sizeof(buffer), " %.17g", value);
-  out->append(buffer, static_cast<std::size_t>(length));
+  const auto result = std::to_chars(
+      buffer, buffer + sizeof(buffer), value, std::chars_format::general, 17);
+  *out += ' ';
+  out->append(buffer, result.ptr);
+}
+
+// Quoted where the format asks for it.
+std::string AttributeWord(const std::string& text) {
+  if (!text.empty() &&
+      text.find_first_of(" \t\r\n=\",[]{}\\") == std::string::npos) {
+    return text;
+  }
+  std::string word = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') word += '\\';
+    if (c == '\n') {
+      word += "\\n";
+    } else {
+      word += c;
+    }
+  }
+  return word + '"';
+}
+
+// False, and why, for what ParsePacking() would not read back as it is.
+bool CanBeWritten(const Packing& packing, std::string* problem) {
+  if (!packing.IsValid(problem)) return false;
+  for (std::size_t i = 0; i < packing.species.size(); ++i) {
+    const std::string& species = packing.species[i];
+    if (species.empty() ||
+        species.find_first_of(" \t\r\n") != std::string::npos) {
+      *problem = "grain " + std::to_string(i) + ": species = " +
+                 Quoted(species) + " must be one word";
+      return false;
+    }
+  }
+  for (const auto& attribute : packing.attributes) {
+    for (const char* taken : {"", "Lattice", "Properties", "pbc"}) {
+      if (attribute.first == taken) {
+        *problem = "attribute " + Quoted(taken) + " cannot have that name";
+        return false;
+      }
+    }
+  }
+  return true;
 }
 
 }  // namespace
@@ -374,13 +436,15 @@ std::string FormatPacking(const Packing& packing) {
   const bool low =
       packing.positions_low.size() > 0 && !packing.positions_low.isZero(0.0);
   const bool stiffness = packing.stiffness.size() > 0;
+  // A cell of discs is as thick as its largest disc.
+  const double thickness = std::min(2.0 * packing.radii.maxCoeff(),
+                                    std::numeric_limits<double>::max());
   std::string out = std::to_string(n) + "\nLattice=\"";
   for (int edge = 0; edge < 3; ++edge) {
     for (int k = 0; k < 3; ++k) {
       const bool inside = edge < d && k < d;
-      // A cell of discs is as thick as its largest disc.
-      const double value = inside ? packing.box.edges()(k, edge)
-                           : edge == k ? 2.0 * packing.radii.maxCoeff()
+      const double value = inside      ? packing.box.edges()(k, edge)
+                           : edge == k ? thickness
                                        : 0.0;
       AppendReal(value, &out);
       if (edge == 0 && k == 0) out.erase(out.rfind(' '), 1);
@@ -391,14 +455,8 @@ std::string FormatPacking(const Packing& packing) {
   if (stiffness) out += ":stiffness:R:1";
   out += d == 2 ? " pbc=\"T T F\"" : " pbc=\"T T T\"";
   for (const auto& attribute : packing.attributes) {
-    // The format has no escapes, so quotes inside are replaced.
-    const auto word = [](std::string text) {
-      std::replace(text.begin(), text.end(), '"', '\'');
-      const bool plain =
-          !text.empty() && text.find_first_of(" \t\r=") == std::string::npos;
-      return plain ? text : '"' + text + '"';
-    };
-    out += " " + word(attribute.first) + "=" + word(attribute.second);
+    out += " " + AttributeWord(attribute.first) + "=" +
+           AttributeWord(attribute.second);
   }
   out += "\n";
   for (int i = 0; i < n; ++i) {
@@ -421,6 +479,11 @@ std::string FormatPacking(const Packing& packing) {
 bool WritePacking(const std::string& path,
                   const Packing& packing,
                   std::string* error) {
+  std::string problem;
+  if (!CanBeWritten(packing, &problem)) {
+    *error = path + ": not written: " + problem;
+    return false;
+  }
   return WriteFileAtomically(path, FormatPacking(packing), error);
 }
 

@@ -29,11 +29,27 @@ struct Units {
   double length = 1.0;  // L
 };
 
-// C f(L y), counted by the monitor.
+// The last accepted iterate, with the cost that Ceres was told there.
+struct Anchor {
+  std::vector<double> x, gradient;
+  double cost = 0.0;
+  double told = 0.0;
+};
+
+// Below this change of the cost relative to the cost, a difference of two costs
+// has lost more than half of its digits.
+constexpr double kLostDifference = 1e-8;
+
+// C f(L y), counted by the monitor; with an anchor, C (f(L y) - f(start)), see
+// `differences` in the header.
 class ScaledFunction : public ceres::FirstOrderFunction {
  public:
-  ScaledFunction(Monitor* monitor, const Units& units)
-      : monitor_(monitor), units_(units), x_(monitor->n()) {}
+  ScaledFunction(Monitor* monitor, const Units& units, const Anchor* anchor)
+      : monitor_(monitor),
+        units_(units),
+        anchor_(anchor),
+        x_(monitor->n()),
+        gradient_(monitor->n()) {}
 
   bool Evaluate(const double* const y,
                 double* cost,
@@ -42,8 +58,22 @@ class ScaledFunction : public ceres::FirstOrderFunction {
     if (monitor_->stopped() || monitor_->BudgetSpent()) return false;
     const int n = monitor_->n();
     for (int i = 0; i < n; ++i) x_[i] = units_.length * y[i];
-    if (!monitor_->Evaluate(x_.data(), cost, gradient, nullptr)) return false;
-    *cost *= units_.cost;
+    double* g = gradient;
+    if (g == nullptr && anchor_ != nullptr) g = gradient_.data();
+    if (!monitor_->Evaluate(x_.data(), cost, g, nullptr)) return false;
+    if (anchor_ != nullptr) {
+      double change = *cost - anchor_->cost;
+      if (std::abs(change) <= kLostDifference * std::abs(anchor_->cost)) {
+        change = 0.0;
+        for (int i = 0; i < n; ++i) {
+          change +=
+              0.5 * (anchor_->gradient[i] + g[i]) * (x_[i] - anchor_->x[i]);
+        }
+      }
+      *cost = anchor_->told + change * units_.cost;
+    } else {
+      *cost *= units_.cost;
+    }
     if (gradient != nullptr) {
       const double factor = units_.cost * units_.length;
       for (int i = 0; i < n; ++i) gradient[i] *= factor;
@@ -56,7 +86,8 @@ class ScaledFunction : public ceres::FirstOrderFunction {
  private:
   Monitor* monitor_;
   const Units units_;
-  mutable std::vector<double> x_;
+  const Anchor* anchor_;  // may be null
+  mutable std::vector<double> x_, gradient_;
 };
 
 class Callback : public ceres::IterationCallback {
@@ -64,11 +95,13 @@ class Callback : public ceres::IterationCallback {
   Callback(Monitor* monitor,
            const Units& units,
            const double* y,
+           Anchor* anchor,
            bool first_run,
            bool rescales)
       : monitor_(monitor),
         units_(units),
         y_(y),
+        anchor_(anchor),
         skip_start_(!first_run),
         rescales_(rescales),
         x_(monitor->n()) {}
@@ -87,6 +120,7 @@ class Callback : public ceres::IterationCallback {
       return Interrupt(Interruption::RESCALE);
     }
     monitor_->Recenter(x_.data());
+    if (anchor_ != nullptr) anchor_->told = summary.cost;
     return ceres::SOLVER_CONTINUE;
   }
 
@@ -99,6 +133,11 @@ class Callback : public ceres::IterationCallback {
     if (!monitor_->EvaluateCached(x_.data(), &cost, &gradient, &scales)) {
       monitor_->FailEvaluation();
       return true;
+    }
+    if (anchor_ != nullptr) {
+      anchor_->x = x_;
+      anchor_->gradient.assign(gradient, gradient + monitor_->n());
+      anchor_->cost = cost;
     }
     return monitor_->Accept(x_.data(), cost, gradient, scales);
   }
@@ -114,6 +153,7 @@ class Callback : public ceres::IterationCallback {
   Monitor* monitor_;
   const Units units_;
   const double* y_;  // kept current by update_state_every_iteration
+  Anchor* anchor_;   // may be null
   const bool skip_start_;
   const bool rescales_;
   std::vector<double> x_;
@@ -162,6 +202,10 @@ CeresLineSearch::CeresLineSearch(Parameters* parameters)
           "scaled",
           false,
           "cost and lengths by powers of two, eigenvalue scaling on")),
+      differences_(parameters->Bool(
+          "differences",
+          false,
+          "small cost differences from gradients, by the trapezoidal rule")),
       restarts_(parameters->Int(
           "restarts",
           0,
@@ -208,11 +252,20 @@ Summary CeresLineSearch::Minimize(FirstOrderFunction* function,
   while (!monitor.stopped()) {
     const Units units = scaled_ ? ChooseUnits(monitor, scales) : Units();
     for (int i = 0; i < n; ++i) y[i] = x[i] / units.length;
-    Callback callback(&monitor, units, y.data(), first_run, scaled_);
+    Anchor anchor;
+    if (differences_) {
+      anchor.x.assign(x, x + n);
+      anchor.gradient.assign(gradient, gradient + n);
+      anchor.cost = cost;
+    }
+    Anchor* const used_anchor = differences_ ? &anchor : nullptr;
+    Callback callback(
+        &monitor, units, y.data(), used_anchor, first_run, scaled_);
     ceres::GradientProblemSolver::Options run_options = ceres_options_;
     run_options.callbacks.push_back(&callback);
     const std::unique_ptr<ceres::GradientProblem> problem =
-        MakeProblem(std::make_unique<ScaledFunction>(&monitor, units));
+        MakeProblem(
+            std::make_unique<ScaledFunction>(&monitor, units, used_anchor));
     ceres::GradientProblemSolver::Summary ceres_summary;
     ceres::Solve(run_options, *problem, y.data(), &ceres_summary);
 

@@ -25,12 +25,20 @@ namespace granopt {
 // L-BFGS stops learning. Both are chosen again, with a restart, when the function
 // has shrunk by 2^10 since. It also turns on L-BFGS' eigenvalue scaling.
 //
+// differences = true hands Ceres the cost relative to the start of the run, and
+// replaces a change of the cost that is lost in roundoff (below 1e-8 of the cost)
+// by the trapezoidal rule (g_a + g_b).(x_b - x_a) / 2 from the last accepted
+// iterate a. Ceres' sufficient decrease then still decides correctly where it would
+// otherwise end the run at |g| ~ sqrt(eps f lambda): it becomes the approximate
+// Wolfe condition of Hager & Zhang, SIAM J. Optim. 16 (2005) 170. Restarts (option
+// `restarts`) begin again at cost zero, which resolves smaller and smaller changes.
+//
 // Ceres keeps its own copy of x between iterations: the reference of the function
 // is moved from the iteration callback (FirstOrderFunction::Recenter), and a
 // rebase stops and restarts Ceres, which is counted.
 class CeresLineSearch : public Solver {
  public:
-  // Reads the options that both methods share: scaled, restarts.
+  // Reads the options that both methods share: scaled, differences, restarts.
   explicit CeresLineSearch(Parameters* parameters);
 
   Summary Minimize(FirstOrderFunction* function,
@@ -45,6 +53,7 @@ class CeresLineSearch : public Solver {
  private:
   ceres::GradientProblemSolver::Options ceres_options_;
   bool scaled_;
+  bool differences_;
   int restarts_;
 };
 
