@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <string>
 
 #include "experiments/run.h"
@@ -17,11 +18,11 @@ DEFINE_double(phi_init,
               0.0,
               "packing fraction of the start; default 0.80 (discs), 0.58 (spheres)");
 DEFINE_double(dphi, 1e-3, "increment delta phi of the growth");
-DEFINE_double(epsilon, 1e-6, "accuracy: the bracket and the error bar are at most this");
-DEFINE_bool(decompress,
-            true,
-            "follow the jammed branch down until the error bar is <= epsilon; "
-            "--nodecompress is the published algorithm");
+DEFINE_double(epsilon, 1e-6, "accuracy of the bisection: width of the bracket");
+DEFINE_double(error_bar,
+              1e-8,
+              "then follow the jammed branch down until the error bar of phi_J is at "
+              "most this; 0: stop where the published algorithm stops");
 
 namespace granopt {
 namespace {
@@ -32,11 +33,18 @@ int Main() {
     if (!IsGiven("particles") && FLAGS_input.empty()) FLAGS_particles = 64;
     if (!IsGiven("dphi")) FLAGS_dphi = 5e-3;
     if (!IsGiven("epsilon")) FLAGS_epsilon = 1e-4;
+    if (!IsGiven("error_bar")) FLAGS_error_bar = 1e-6;
   }
   CheckRange("phi_init", FLAGS_phi_init, 0.0, 4.0);
   CheckPositive("dphi", FLAGS_dphi);
   CheckPositive("epsilon", FLAGS_epsilon);
   CheckRange("dphi", FLAGS_dphi, 0.0, 1.0);
+  CheckRange("error_bar", FLAGS_error_bar, 0.0, 1.0);
+  const double finest =
+      FLAGS_error_bar > 0.0 ? std::min(FLAGS_epsilon, FLAGS_error_bar)
+                            : FLAGS_epsilon;
+  // A state that close to jamming cannot be told from one at it.
+  if (!IsGiven("zero_pressure")) FLAGS_zero_pressure = 1e-3 * finest;
   Scene scene = MakeScene(FLAGS_phi_init > 0.0       ? FLAGS_phi_init
                           : FLAGS_dimension == 3 ? 0.58
                                                  : 0.80);
@@ -48,7 +56,8 @@ int Main() {
       FLAGS_phi_init > 0.0 ? FLAGS_phi_init : (d == 3 ? 0.58 : 0.80);
   options.phi_increment = FLAGS_dphi;
   options.accuracy = FLAGS_epsilon;
-  options.decompress = FLAGS_decompress;
+  if (FLAGS_error_bar > 0.0) options.error_bar = FLAGS_error_bar;
+  else options.error_bar = std::numeric_limits<double>::infinity();
 
   Output output;
   output.Create(FLAGS_out);
@@ -56,12 +65,19 @@ int Main() {
               Describe(scene.packing).c_str(),
               scene.origin.c_str(),
               scene.energy.alpha);
-  std::printf("          Algorithm 1: from phi = %.4f by %g, then to %g; each state "
-              "relaxed to |g| <= %g mean forces\n",
+  std::printf("          Algorithm 1: grow from phi = %.4f by %g, bisect to %g%s\n",
               options.phi_init,
               options.phi_increment,
               options.accuracy,
-              options.solve.relative_tolerance);
+              FLAGS_error_bar > 0.0
+                  ? Format(", decompress to an error bar of %g", FLAGS_error_bar)
+                        .c_str()
+                  : "");
+  std::printf("          each state relaxed to |g| <= %g mean forces; unjammed if "
+              "p / (k r^(alpha-%d)) falls below %g\n",
+              options.solve.relative_tolerance,
+              d,
+              std::pow(FLAGS_zero_pressure, scene.energy.alpha - 1.0));
   std::printf("          method %s\n", scene.solver->name().c_str());
   std::fflush(stdout);
 
@@ -91,7 +107,7 @@ int Main() {
                         std::max(0.0, left) * mean);
         }
         case JammingStage::DECOMPRESSION:
-          return Format("error bar %.1e (to %.1e)", step.distance, FLAGS_epsilon);
+          return Format("error bar %.1e (to %.1e)", step.distance, finest);
         default:
           return Format("phi = %.4f, discs jam near 0.84, spheres near 0.64",
                         step.phi);
@@ -117,8 +133,8 @@ int Main() {
       csv += Format("%s,%.17g,%.17g,%.17g,%.17g,%d,%d,%s,%lld,%lld,%.6g\n",
                     JammingStageName(step.stage),
                     o.packing_fraction,
-                    step.verdict == JammingVerdict::UNJAMMED ? 0.0 : o.energy,
-                    step.verdict == JammingVerdict::UNJAMMED ? 0.0 : o.pressure,
+                    o.energy,
+                    o.pressure,
                     o.coordination,
                     o.rigid_grains,
                     o.rigid_contacts,
@@ -146,6 +162,8 @@ int Main() {
   json["phi_init"] = options.phi_init;
   json["dphi"] = options.phi_increment;
   json["epsilon"] = options.accuracy;
+  json["error_bar"] = FLAGS_error_bar;
+  json["zero_pressure"] = FLAGS_zero_pressure;
   json["tolerance"] = options.solve.relative_tolerance;
   json["schema"] = "granopt/jamming/1";
   output.Write("path.csv", csv);
@@ -183,14 +201,14 @@ int Main() {
                output.Path("contacts.csv"),
                output.Path("packing")},
               {"packing.svg", "packing.png"});
-  if (d == 2) {
-    output.Plot({"stages", output.folder(), output.Path("stages")},
-                {"stages.svg", "stages.png"});
-  }
+  output.Plot({"stages", output.folder(), output.Path("stages")},
+              {"stages.svg", "stages.png"});
   output.Plot({"path",
                output.Path("path.csv"),
                output.Path("path"),
-               Format("--phi_j=%.17g", result.phi_j)},
+               Format("--phi_j=%.17g", result.phi_j),
+               Format("--alpha=%g", scene.energy.alpha),
+               Format("--dimension=%d", d)},
               {"path.svg", "path.png"});
 
   // Digits of phi_J down to those of its error.
@@ -200,7 +218,7 @@ int Main() {
               digits,
               result.phi_j,
               result.distance,
-              result.converged ? "" : "   NOT CONVERGED: error bar > epsilon");
+              result.converged ? "" : "   NOT CONVERGED: error bar above what was asked");
   std::printf("  jammed state  phi = %.*f, pressure %.4e, mean overlap / mean "
               "radius %.1e\n",
               digits,

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """The figures of the experiments, from the files that they write.
 
     plot.py packing PACKING.xyz CONTACTS.csv OUT [--title=T]
@@ -16,6 +15,7 @@ bytes. Bad input or usage: one line on stderr, status 2.
 
 import argparse
 import csv
+import io
 import itertools
 import math
 import os
@@ -33,7 +33,7 @@ try:
                                       PathCollection)
   from matplotlib.lines import Line2D
   from matplotlib.offsetbox import (AnchoredOffsetbox, DrawingArea, HPacker,
-                                    TextArea)
+                                    TextArea, VPacker)
   from matplotlib.patches import Circle, PathPatch, Polygon, Rectangle
   from matplotlib.path import Path
 except ImportError as error:
@@ -43,14 +43,18 @@ except ImportError as error:
 # Colours of Okabe and Ito, which the colour-blind tell apart, and pale fills of
 # different lightness.
 BLUE, ORANGE, GREEN, VERMILION = "#0072B2", "#E69F00", "#009E73", "#D55E00"
+PURPLE = "#CC79A7"
 INK, GREY, PALE = "#22262B", "#6B737C", "#D9DDE1"
 SPECIES_FILLS = ("#BCD6EA", "#F6E7C4", "#CFE6D8", "#E9D3E2")
+SPECIES_NODES = ("#4C9BD0", "#F2B93B", "#2FA57F", PURPLE)  # in projections
 WEAK, MEAN, STRONG = "#E0906E", "#B5301F", "#5A0713"  # force chains
+FOG = "#E4E9EE"
 
 DPI = 180
 MAX_FORCE = 6.0  # of the mean; stronger contacts are drawn as this one
 MIN_FORCE = 0.03  # drawn as hairlines below
-RASTER_ABOVE = 20000  # grains; the discs of the SVG are then a picture
+HATCH_ABOVE = 4.5  # points of mean radius; smaller rattlers are white
+RASTER_ABOVE = 20000  # grains; discs and chains are then a picture in the SVG
 
 STYLE = {
     "font.family": "sans-serif",
@@ -156,7 +160,10 @@ def ReadPacking(path):
 
 def ReadTable(path, required, words=()):
   """Columns by name: arrays of numbers, lists of strings for those in `words`."""
-  rows = list(csv.reader(ReadText(path).splitlines()))
+  try:
+    rows = list(csv.reader(ReadText(path).splitlines()))
+  except csv.Error as error:
+    raise InputError("%s: %s" % (path, error))
   if not rows:
     raise InputError("%s: empty, expected the columns %s" % (path, ",".join(required)))
   names = [name.strip() for name in rows[0]]
@@ -190,6 +197,10 @@ def ReadContacts(path, packing):
   i, j = table["i"].astype(int), table["j"].astype(int)
   if len(i) and (min(i.min(), j.min()) < 0 or max(i.max(), j.max()) >= count):
     raise InputError("%s: a contact names a grain outside 0..%d" % (path, count - 1))
+  far = table["distance"] > 1.01 * (packing.radii[i] + packing.radii[j])
+  if far.any():
+    raise InputError("%s: grains %d and %d of this packing cannot touch at distance %g" %
+                     (path, i[far][0], j[far][0], table["distance"][far][0]))
   normal = np.column_stack([table[name] for name in ("nx", "ny", "nz")[:d]])
   return Contacts(i, j, table["force"], table["distance"], normal,
                   table["rigid"] != 0)
@@ -212,6 +223,13 @@ def Rattlers(packing, contacts):
   return rattler
 
 
+def MarkedRattlers(packing, contacts):
+  """As above, but none if all are: the word then says nothing about a grain."""
+  rattler = (np.zeros(len(packing.radii), bool) if contacts is None
+             else Rattlers(packing, contacts))
+  return rattler & ~rattler.all()
+
+
 def Pressure(packing, contacts):
   d = packing.positions.shape[1]
   return (np.dot(contacts.force, contacts.distance) /
@@ -221,6 +239,10 @@ def Pressure(packing, contacts):
 def Coordination(packing, contacts):
   rigid_grains = np.sum(~Rattlers(packing, contacts))
   return 2 * np.sum(contacts.rigid) / rigid_grains if rigid_grains else 0.0
+
+
+def MeanForce(contacts):
+  return np.mean(contacts.force[contacts.force > 0])
 
 
 def Scientific(value):
@@ -244,7 +266,7 @@ def Describe(packing, contacts):
       words.append("no rigid grains")
     else:
       words.append("$z = %.3f$" % Coordination(packing, contacts))
-      words.append("%d rattler%s" % (rattlers, "" if rattlers == 1 else "s"))
+      words.append("%s rattler%s" % (rattlers or "no", "" if rattlers == 1 else "s"))
   return words
 
 
@@ -267,11 +289,11 @@ def ForceColour(force):
 class View:
   """Where a packing is drawn: axes fitted to the cell and a border of copies.
 
-  Axes are `width` inches wide at most and `height` high at most; left and bottom
-  of the space are given in inches.
+  The axes fill as much of the given space (inches) as the cell's shape allows.
+  `border`, a length, is chosen unless given (so that panels look alike).
   """
 
-  def __init__(self, figure, packing, left, bottom, width, height):
+  def __init__(self, figure, packing, left, bottom, width, height, border=None):
     self.packing = packing
     self.d = packing.positions.shape[1]
     cell = packing.cell
@@ -279,7 +301,9 @@ class View:
     # Distances between opposite faces, and the border in units of them.
     inverse = np.linalg.inv(cell)
     self.heights = 1 / np.linalg.norm(inverse, axis=0)
-    border = min(1.3 * mean_radius, 0.06 * self.heights.min())
+    if border is None:
+      border = min(1.3 * mean_radius, 0.06 * self.heights.min())
+    self.border = border
     self.margin = border / self.heights if self.d == 2 else np.zeros(3)
     corners = np.array(list(itertools.product((0, 1), repeat=self.d)))
     spread = corners + np.where(corners > 0, 1, -1) * self.margin
@@ -297,7 +321,9 @@ class View:
     self.ax.set_xlim(low[0], high[0])
     self.ax.set_ylim(low[1], high[1])
     self.points = 72 * scale  # per unit of length
-    self.unit_width = min(0.24 * mean_radius * self.points, 5.0)  # of f = <f>
+    # Of a line for f = <f>.
+    self.unit_width = min((0.24 if self.d == 2 else 0.11) * mean_radius * self.points,
+                          4.0)
     # Into the cell.
     self.fractions = packing.positions @ inverse
     self.fractions -= np.floor(self.fractions)
@@ -312,7 +338,7 @@ class View:
   def Copies(self, low, high):
     """Periodic copies of things that span the fractions low..high (n x d) and
     reach into the cell or its border: their indices and their shifts."""
-    reach = [range(math.floor(-m - h) , math.ceil(1 + m - l) + 1)
+    reach = [range(math.floor(-m - h), math.ceil(1 + m - l) + 1)
              for m, l, h in zip(self.margin, low.min(axis=0), high.max(axis=0))]
     which, shifts = [], []
     for shift in itertools.product(*reach):
@@ -332,7 +358,7 @@ def DrawDiscs(view, rattler):
   species = packing.species[1]
   radius = np.mean(packing.radii) * view.points
   edge = min(0.8, max(0.2, 0.05 * radius))
-  hatched = radius > 7
+  hatched = radius > HATCH_ABOVE
   raster = len(packing.radii) > RASTER_ABOVE
   artists = []
   for kind in range(len(packing.species[0])):
@@ -362,20 +388,28 @@ def ForceGroups(view, contacts):
   a list of (depth in 0..1, force / mean, n x 2 x 2), from the back and weak."""
   if contacts is None or not np.any(contacts.force > 0):
     return []
-  strength = contacts.force / np.mean(contacts.force[contacts.force > 0])
+  strength = contacts.force / MeanForce(contacts)
   start = view.fractions[contacts.j]
-  end = start + (contacts.distance[:, None] * contacts.normal) @ view.inverse
-  which, shifts = view.Copies(np.minimum(start, end), np.maximum(start, end))
+  step = (contacts.distance[:, None] * contacts.normal) @ view.inverse
+  end = start + step
+  if view.d == 2:
+    which, shifts = view.Copies(np.minimum(start, end), np.maximum(start, end))
+    start, end = start[which] + shifts, end[which] + shifts
+  else:
+    # What leaves the cell: a half at each of the two grains.
+    leaves = np.any(np.floor(end) != 0, axis=1)
+    back = view.fractions[contacts.i[leaves]]
+    end[leaves] -= step[leaves] / 2
+    which = np.concatenate([np.arange(len(start)), np.nonzero(leaves)[0]])
+    start = np.concatenate([start, back])
+    end = np.concatenate([end, back - step[leaves] / 2])
   drawn = strength[which] > 1e-3
-  which, shifts = which[drawn], shifts[drawn]
-  cell = view.packing.cell
-  ends = np.stack([(start[which] + shifts) @ cell, (end[which] + shifts) @ cell],
-                  axis=1)
+  which, start, end = which[drawn], start[drawn], end[drawn]
+  ends = np.stack([start @ view.packing.cell, end @ view.packing.cell], axis=1)
   level = np.rint(np.log(np.clip(strength[which], MIN_FORCE, MAX_FORCE)) /
                   math.log(1.08)).astype(int)
-  depth = np.zeros(len(which), int)
-  if view.d == 3:
-    depth = Depth(view, (start[which] + end[which]) / 2 + shifts)
+  depth = (np.zeros(len(which), int) if view.d == 2
+           else Depth((start + end) / 2))
   groups = []
   for key in sorted(set(zip(depth.tolist(), level.tolist()))):
     chosen = (depth == key[0]) & (level == key[1])
@@ -383,10 +417,10 @@ def ForceGroups(view, contacts):
   return groups
 
 
-DEPTHS = 10
+DEPTHS = 12
 
 
-def Depth(view, fractions):
+def Depth(fractions):
   """Slice 0 (back) .. DEPTHS (front, towards +z)."""
   return np.clip(np.rint(DEPTHS * fractions[:, 2]), 0, DEPTHS).astype(int)
 
@@ -403,15 +437,12 @@ def Segments(view, groups, colour):
     colours.append(colour(depth, strength))
   return view.ax.add_collection(PathCollection(
       paths, facecolors="none", edgecolors=colours, linewidths=widths,
-      capstyle="round", zorder=2))
+      capstyle="round", zorder=2,
+      rasterized=len(view.packing.radii) > RASTER_ABOVE))
 
 
 def DrawFlat(view, contacts):
-  rattler = (np.zeros(len(view.packing.radii), bool) if contacts is None
-             else Rattlers(view.packing, contacts))
-  if rattler.all():
-    rattler[:] = False  # unjammed: the word says nothing about a grain
-  artists = DrawDiscs(view, rattler)
+  artists = DrawDiscs(view, MarkedRattlers(view.packing, contacts))
   groups = ForceGroups(view, contacts)
   if groups:
     artists.append(Segments(view, groups, lambda depth, force: ForceColour(force)))
@@ -428,43 +459,44 @@ def DrawFlat(view, contacts):
                             joinstyle="miter", zorder=4))
 
 
-def DepthColour(depth, force):
-  del force
-  return Mix("#D3DCE4", STRONG, depth**1.3) if depth < 1 else STRONG
+def Fogged(colour, depth):
+  return Mix(FOG, colour, depth**2)
+
+
+NODE = 0.26  # of a grain's radius
 
 
 def DrawProjection(view, contacts):
   cell, packing = view.packing.cell, view.packing
-  rattler = (np.zeros(len(packing.radii), bool) if contacts is None
-             else Rattlers(packing, contacts))
+  rattler = MarkedRattlers(packing, contacts)
   corners = list(itertools.product((0, 1), repeat=3))
   edges = [[np.dot(a, cell)[:2], np.dot(b, cell)[:2]]
            for a, b in itertools.combinations(corners, 2)
            if np.abs(np.subtract(a, b)).sum() == 1]
   view.ax.add_collection(LineCollection(edges, colors=GREY, linewidths=0.8,
                                         zorder=1))
-  slices = Depth(view, view.fractions)
+  slices = Depth(view.fractions)
   centres = (view.fractions @ cell)[:, :2]
   groups = ForceGroups(view, contacts)
   for level in range(DEPTHS + 1):
     depth = level / DEPTHS
     here = [group for group in groups if group[0] == depth]
     if here:
-      Segments(view, here, DepthColour).set_zorder(2 + level)
+      Segments(view, here, lambda depth, force: Fogged(STRONG, depth)).set_zorder(
+          2 + level)
     for kind in range(len(packing.species[0])):
       for loose in (False, True):
         chosen = ((slices == level) & (packing.species[1] == kind) &
                   (rattler == loose))
         if not chosen.any():
           continue
-        fill = SPECIES_FILLS[kind % len(SPECIES_FILLS)]
-        size = 0.6 * np.mean(packing.radii[chosen])
+        fill = SPECIES_NODES[kind % len(SPECIES_NODES)]
+        size = 2 * NODE * np.mean(packing.radii[chosen])
         view.ax.add_collection(EllipseCollection(
             [size], [size], [0.0], units="xy", offsets=centres[chosen],
             transOffset=view.ax.transData,
-            facecolors="white" if loose else Mix("white", fill, 0.25 + 0.75 * depth),
-            edgecolors=Mix("#D3DCE4", INK, depth), linewidths=0.6,
-            linestyles=":" if loose else "-", zorder=2.5 + level))
+            facecolors="white" if loose else Fogged(fill, depth),
+            edgecolors=Fogged(INK, depth), linewidths=0.7, zorder=2.5 + level))
 
 
 def Draw(view, contacts):
@@ -473,13 +505,10 @@ def Draw(view, contacts):
 
 def Key(figure, view, contacts, bottom, size=12.5):
   """The legend: species, rattlers, widths of forces; centred `bottom` inches up."""
-  packing = view.packing
+  packing, flat = view.packing, view.d == 2
   text = dict(size=size, color=INK)
   height = 16
-  rattler = (np.zeros(len(packing.radii), bool) if contacts is None
-             else Rattlers(packing, contacts))
-  if rattler.all():
-    rattler[:] = False
+  rattler = MarkedRattlers(packing, contacts)
 
   def Sample(width, *artists):
     area = DrawingArea(width, height)
@@ -487,102 +516,108 @@ def Key(figure, view, contacts, bottom, size=12.5):
       area.add_artist(artist)
     return area
 
-  def Entry(area, label):
-    return HPacker(children=[area, TextArea(label, textprops=text)],
-                   align="center", pad=0, sep=5)
+  def Row(*children, sep=5):
+    return HPacker(children=[TextArea(child, textprops=text)
+                             if isinstance(child, str) else child
+                             for child in children], align="center", pad=0, sep=sep)
 
-  entries = []
+  def Disc(radius, **style):
+    return Sample(2 * radius, Circle((radius, height / 2), radius, linewidth=0.8,
+                                     **style))
+
+  grains, forces = [], []
   names, species = packing.species
-  largest = max(np.mean(packing.radii[species == k]) for k in range(len(names)))
-  if len(names) <= len(SPECIES_FILLS):
-    for k, name in enumerate(names):
-      fill = SPECIES_FILLS[k]
-      radius = 8 * np.mean(packing.radii[species == k]) / largest
-      entries.append(Entry(
-          Sample(2 * radius, Circle((radius, height / 2), radius, facecolor=fill,
-                                    edgecolor=Mix(fill, INK, 0.45), linewidth=0.8)),
-          name.replace("$", r"\$")))
+  fills = SPECIES_FILLS if flat else SPECIES_NODES
+  means = [np.mean(packing.radii[species == k]) for k in range(len(names))]
+  if len(names) <= len(fills):
+    for name, fill, mean in zip(names, fills, means):
+      grains.append(Row(Disc(8 * mean / max(means), facecolor=fill,
+                             edgecolor=Mix(fill, INK, 0.45)),
+                        name.replace("$", r"\$")))
   if rattler.any():
-    entries.append(Entry(
-        Sample(14, Circle((7, height / 2), 7, facecolor="white", edgecolor=GREY,
-                          linewidth=0.8, linestyle="-" if view.d == 2 else ":",
-                          hatch="////" if view.d == 2 and
-                          np.mean(packing.radii) * view.points > 7 else None)),
-        "rattler"))
+    hatched = flat and np.mean(packing.radii) * view.points > HATCH_ABOVE
+    grains.append(Row(Disc(7, facecolor="white", edgecolor=GREY if flat else INK,
+                           hatch="////" if hatched else None), "rattler"))
   if contacts is not None and np.any(contacts.force > 0):
-    parts = [TextArea(r"$f\,/\langle f\rangle$:", textprops=text)]
-    for strength in (0.5, 1, 3, MAX_FORCE):
-      colour = ForceColour(strength) if view.d == 2 else Mix("#D3DCE4", STRONG, 0.7)
+    clipped = contacts.force.max() > MAX_FORCE * MeanForce(contacts)
+    forces.append(r"$f\,/\langle f\rangle$ :")
+    for strength in (0.5, 1, 2, MAX_FORCE if clipped else 4):
+      colour = ForceColour(strength) if flat else Fogged(STRONG, 0.85)
       line = Line2D([0, 24], [height / 2] * 2, color=colour,
                     linewidth=strength * view.unit_width, solid_capstyle="butt")
-      label = "%g" % strength
-      if strength == MAX_FORCE and \
-          contacts.force.max() > MAX_FORCE * np.mean(contacts.force):
-        label = r"$\geq %g$" % strength
-      parts.append(Entry(Sample(24, line), label))
-    entries.append(HPacker(children=parts, align="center", pad=0, sep=9))
-  if view.d == 3:
-    steps = 12
-    boxes = [Rectangle((4 * k, height / 2 - 5), 4.05, 10, linewidth=0,
-                       facecolor=DepthColour(k / (steps - 1), 1))
-             for k in range(steps)]
-    entries.append(HPacker(
-        children=[TextArea("back", textprops=text), Sample(4 * steps, *boxes),
-                  TextArea("front", textprops=text)], align="center", pad=0, sep=5))
+      forces.append(Row(Sample(24, line), (r"$\geq %g$" if strength == MAX_FORCE
+                                           else "$%g$") % strength))
+  rows = [Row(*grains, Row(*forces, sep=9), sep=20)]
+  if not flat:
+    steps = 24
+    shades = [Rectangle((3 * k, height / 2 - 5), 3.1, 10, linewidth=0,
+                        facecolor=Fogged(STRONG, k / (steps - 1)))
+              for k in range(steps)]
+    rows.append(Row("projection along z:   back", Sample(3 * steps, *shades), "front"))
   figure.add_artist(AnchoredOffsetbox(
-      "center", child=HPacker(children=entries, align="center", pad=0, sep=20),
-      pad=0, frameon=False, bbox_to_anchor=(0.5, bottom / figure.get_size_inches()[1]),
+      "center", child=VPacker(children=rows, align="center", pad=0, sep=5), pad=0,
+      frameon=False, bbox_to_anchor=(0.5, bottom / figure.get_size_inches()[1]),
       bbox_transform=figure.transFigure))
+
+
+def Label(figure, x, y, text, width, **style):
+  """Text at inches (x, y), made smaller if wider than `width` inches."""
+  total = figure.get_size_inches()
+  label = figure.text(x / total[0], y / total[1], text, va="center", **style)
+  extent = label.get_window_extent(figure.canvas.get_renderer()).width / figure.dpi
+  if extent > width:
+    label.set_fontsize(label.get_fontsize() * width / extent)
+
+
+def Space(packing, side):
+  """Height of a space `side` wide that suits the cell, and of the key below it."""
+  spans = np.abs(packing.cell[:, :2]).sum(axis=0)
+  return min(1.3, spans[1] / spans[0]) * side, 0.5 if len(packing.cell) == 2 else 0.78
 
 
 def PackingFigure(arguments):
   packing = ReadPacking(arguments.packing)
   contacts = ReadContacts(arguments.contacts, packing)
-  width, side, foot = 6.6, 6.4, 0.5
-  head = 0.42 + (0.34 if arguments.title else 0.0)
-  spans = np.abs(packing.cell[:, :2]).sum(axis=0)
-  side_height = min(1.3 * side, side * spans[1] / spans[0])
-  total = side_height + head + foot
-  figure = plt.figure(figsize=(width, total))
-  view = View(figure, packing, 0.1, foot, side, side_height)
+  width, side = 6.6, 6.4
+  height, foot = Space(packing, side)
+  head = 0.76 if arguments.title else 0.42
+  figure = plt.figure(figsize=(width, height + head + foot))
+  view = View(figure, packing, 0.1, foot, side, height)
   Draw(view, contacts)
-  words = Describe(packing, contacts)
-  if view.d == 3:
-    words.append("(projection)")
-  figure.text(0.5, 1 - (head - 0.17) / total, "     ".join(words), ha="center",
-              va="center", fontsize=12.5)
+  Label(figure, width / 2, foot + height + 0.18,
+        "     ".join(Describe(packing, contacts)), side, ha="center", fontsize=12.5)
   if arguments.title:
-    figure.text(0.5, 1 - 0.24 / total, arguments.title.replace("$", r"\$"),
-                ha="center", va="center", fontsize=15, fontweight="bold")
-  Key(figure, view, contacts, 0.26)
+    Label(figure, width / 2, foot + height + 0.53, arguments.title.replace("$", r"\$"),
+          side, ha="center", fontsize=15, fontweight="bold")
+  Key(figure, view, contacts, foot / 2)
   return figure
 
 
 def StagesFigure(arguments):
-  name = lambda file: os.path.join(arguments.directory, file)
-  packings = [ReadPacking(name(file)) for file in
-              ("stage_initial.xyz", "stage_unjammed.xyz", "packing.xyz")]
-  contacts = ReadContacts(name("contacts.csv"), packings[2])
-  side, gap, head, foot = 4.1, 0.2, 0.72, 0.5
-  spans = np.abs(packings[2].cell[:, :2]).sum(axis=0)
-  height = min(1.3 * side, side * spans[1] / spans[0])
-  total = (3 * side + 4 * gap, height + head + foot)
-  figure = plt.figure(figsize=total)
-  stages = ("initial", "last unjammed", "jammed")
-  for k, (packing, stage) in enumerate(zip(packings, stages)):
+  files = ("stage_initial.xyz", "stage_unjammed.xyz", "packing.xyz", "contacts.csv")
+  files = [os.path.join(arguments.directory, file) for file in files]
+  packings = [ReadPacking(file) for file in files[:3]]
+  contacts = ReadContacts(files[3], packings[2])
+  side, gap, head = 4.1, 0.2, 0.74
+  height, foot = Space(packings[2], side)
+  figure = plt.figure(figsize=(3 * side + 4 * gap, height + head + foot))
+  border = None
+  for k in (2, 0, 1):
+    packing, shown = packings[k], contacts if k == 2 else None
     left = gap + k * (side + gap)
-    view = View(figure, packing, left, foot, side, height)
-    Draw(view, contacts if k == 2 else None)
-    x = view.ax.get_position().x0 + 0.05 / total[0]
-    words = Describe(packing, contacts if k == 2 else None)[1:]
-    figure.text(x, 1 - 0.22 / total[1], "abc"[k], fontsize=17, fontweight="bold",
-                va="center")
-    figure.text(x + 0.26 / total[0], 1 - 0.22 / total[1],
-                stage + (" (projection)" if view.d == 3 else ""), fontsize=15,
-                va="center")
-    figure.text(x, 1 - 0.54 / total[1], "   ".join(words), fontsize=12.5,
-                va="center")
-  Key(figure, view, contacts, 0.25, size=13.5)
+    view = View(figure, packing, left, foot, side, height, border)
+    Draw(view, shown)
+    if k == 2:
+      border = view.border
+      Key(figure, view, contacts, foot / 2, size=14)
+    top = foot + height
+    Label(figure, left, top + 0.52, "abc"[k], side, fontsize=18, fontweight="bold")
+    Label(figure, left + 0.3, top + 0.52, ("initial", "last unjammed", "jammed")[k],
+          side, fontsize=16)
+    words = Describe(packing, shown)
+    Label(figure, left, top + 0.19,
+          "    ".join(words[1:2] if k < 2 else words[1:2] + words[3:]), side,
+          fontsize=14)
   return figure
 
 
@@ -591,6 +626,7 @@ def StagesFigure(arguments):
 
 def Decades(axis, low, high, zero=None):
   """Ticks at powers of ten, five at most, and `0` at `zero`."""
+  ends = low, high
   low, high = math.ceil(low - 1e-9), math.floor(high + 1e-9)
   step = max(1, math.ceil((high - low + 1) / 5))
   exponents = [e for e in range(low, high + 1) if (e - high) % step == 0]
@@ -603,28 +639,31 @@ def Decades(axis, low, high, zero=None):
   axis.set_major_formatter(ticker.FixedFormatter(labels))
   minor = ([10.0**e for e in range(low, high + 1) if e not in exponents] if step > 1
            else [m * 10.0**e for e in range(low - 1, high + 1) for m in range(2, 10)])
-  axis.set_minor_locator(ticker.FixedLocator(minor))
+  axis.set_minor_locator(ticker.FixedLocator(
+      [tick for tick in minor if ends[0] <= math.log10(tick) <= ends[1]]))
   axis.set_minor_formatter(ticker.NullFormatter())
 
 
 def Span(values):
-  """Decades around positive values, with air."""
+  """Decades around positive values, with air and at least one power of ten."""
   if not len(values):
-    return -1.0, 1.0
+    return -0.4, 0.4
   low, high = math.log10(values.min()), math.log10(values.max())
   air = max(0.25, 0.06 * (high - low))
-  return low - air, high + air
+  low, high = low - air, high + air
+  if math.floor(high) - math.ceil(low) < 1:
+    low, high = math.floor(low + 0.1) - 0.1, math.ceil(high - 0.1) + 0.1
+  return low, high
 
 
-STAGES = (("growth", BLUE, "o", "growth"),
-          ("bisection", ORANGE, "s", "bisection"),
-          ("decompression", GREEN, "^", "decompression"))
+STAGES = (("start", PURPLE, "D"), ("growth", BLUE, "o"), ("bisection", ORANGE, "s"),
+          ("decompression", GREEN, "^"))
 
 
 def Scatter(ax, x, y, table, size=42):
   """Filled markers for jammed, open for unjammed, grey-filled for undecided."""
   stage, verdict = np.array(table["stage"]), np.array(table["verdict"])
-  for name, colour, marker, _ in STAGES:
+  for name, colour, marker in STAGES:
     for kind, fill in (("unjammed", "white"), ("undecided", PALE), ("jammed", colour)):
       chosen = (stage == name) & (verdict == kind) & np.isfinite(x) & np.isfinite(y)
       if chosen.any():
@@ -633,20 +672,20 @@ def Scatter(ax, x, y, table, size=42):
                    clip_on=False)
 
 
-def Guide(ax, x, y, slope, label):
-  """A line of that slope above the points, over the upper decades."""
-  high = math.log10(x.max())
-  low = max(math.log10(x.min()), high - 3)
+def Guide(ax, x, y, slope, floor):
+  """A line of that slope below the points, above 10^floor, over three decades."""
+  x, y = np.log10(x), np.log10(y)
+  low, high = max(x.min(), x.max() - 3), x.max()
+  shift = np.min((y - slope * x)[x >= low]) - 0.05 * np.ptp(np.log10(ax.get_ylim()))
+  if slope > 0:
+    low = max(low, (floor - shift) / slope)
   if high - low < 0.5:
     return
-  near = np.abs(np.log10(x) - (high + low) / 2).argmin()
   ends = np.array([low, high])
-  line = math.log10(y[near]) + slope * (ends - math.log10(x[near]))
-  down = -0.06 * np.ptp(np.log10(ax.get_ylim()))
-  ax.plot(10**ends, 10**(line + down), color=GREY, linewidth=1.2, linestyle=(0, (5, 3)),
-          zorder=2)
-  middle = ends.mean() + 0.1 * np.ptp(ends)
-  ax.annotate(label, (10**middle, 10**(line.mean() + slope * 0.1 * np.ptp(ends) + down)),
+  ax.plot(10**ends, 10**(slope * ends + shift), color=GREY, linewidth=1.2,
+          linestyle=(0, (5, 3)), zorder=2)
+  middle = 0.4 * low + 0.6 * high
+  ax.annotate("slope %g" % slope, (10**middle, 10**(slope * middle + shift)),
               xytext=(8, -10), textcoords="offset points", ha="left", va="top",
               color=GREY)
 
@@ -655,8 +694,8 @@ def PathFigure(arguments):
   names = ("stage", "phi", "energy", "pressure", "coordination", "rigid_grains",
            "verdict")
   table = ReadTable(arguments.table, names, words=("stage", "verdict"))
-  if not len(table["phi"]):
-    raise InputError("%s: no rows" % arguments.table)
+  if not len(table["phi"]) or not np.isfinite(table["phi"]).all():
+    raise InputError("%s: no rows, or a phi that is not finite" % arguments.table)
   for name, known in (("stage", [s[0] for s in STAGES]),
                       ("verdict", ["jammed", "unjammed", "undecided"])):
     for line, word in enumerate(table[name], 2):
@@ -667,7 +706,10 @@ def PathFigure(arguments):
   jammed = np.array(table["verdict"]) == "jammed"
   excess = np.full(len(phi), np.nan)
   if phi_j is not None:
+    # phi_J is that of the decompressed branch, if there is one.
     beyond = jammed & (phi > phi_j)
+    branch = beyond & (np.array(table["stage"]) == "decompression")
+    beyond = branch if branch.sum() > 1 else beyond
     excess[beyond] = phi[beyond] - phi_j
   zoom = np.isfinite(excess).any()
 
@@ -675,12 +717,15 @@ def PathFigure(arguments):
       3, 2 if zoom else 1, squeeze=False, sharex="col",
       figsize=(11.0 if zoom else 6.6, 8.4),
       gridspec_kw=dict(left=0.09 if zoom else 0.15, right=0.93 if zoom else 0.96,
-                       top=0.905, bottom=0.08, wspace=0.05, hspace=0.08))
+                       top=0.925 if zoom else 0.91, bottom=0.08, wspace=0.05,
+                       hspace=0.08))
+  floors = []
   for row, (name, label) in enumerate((("energy", "energy  $E$"),
                                        ("pressure", "pressure  $p$"))):
     values = table[name]
     positive = np.isfinite(values) & (values > 0)
     low, high = Span(values[positive])
+    floors.append(low)
     strip = 0.17 * (high - low)  # for zeros
     zero = 10**(low - strip / 2)
     shown = np.where(positive, values, np.where(values == 0, zero, np.nan))
@@ -690,26 +735,34 @@ def PathFigure(arguments):
       bottom = low - strip if (values == 0).any() else low
       ax.set_ylim(10**bottom, 10**high)
       Decades(ax.yaxis, low, high, zero if (values == 0).any() else None)
+      if not positive.any():  # nothing to give the decades a meaning
+        ax.yaxis.set_major_locator(ticker.FixedLocator([zero]))
+        ax.yaxis.set_major_formatter(ticker.FixedFormatter(["$0$"]))
+        ax.yaxis.set_minor_locator(ticker.NullLocator())
       if (values == 0).any():
         ax.axhspan(10**bottom, 10**low, facecolor="#F1F3F5", linewidth=0, zorder=0)
         ax.axhline(10**low, color=GREY, linewidth=0.7, zorder=1)
       Scatter(ax, x, shown, table)
     axes[row, 0].set_ylabel(label)
   z = table["coordination"]
+  finite = z[np.isfinite(z)]
   axes[2, 0].set_ylabel("coordination  $z$")
-  axes[2, 0].set_ylim(-0.35, max(1.0, np.nanmax(z)) * 1.12)
-  axes[2, 0].yaxis.set_major_locator(ticker.MaxNLocator(5, integer=True))
+  axes[2, 0].set_ylim(-0.35, max(1.0, finite.max(initial=0.0)) * 1.12)
+  axes[2, 0].yaxis.set_major_locator(
+      ticker.MaxNLocator(5, steps=[1, 2, 5, 10], integer=True))
   Scatter(axes[2, 0], phi, z, table)
   axes[2, 0].set_xlabel(r"packing fraction  $\phi$")
-  axes[2, 0].xaxis.set_major_locator(ticker.MaxNLocator(5))
+  axes[2, 0].xaxis.set_major_locator(ticker.MaxNLocator(6, steps=[1, 2, 5, 10]))
   axes[2, 0].margins(x=0.06)
   if phi_j is not None:
     for row in range(3):
       axes[row, 0].axvline(phi_j, color=GREY, linewidth=1.0, linestyle=(0, (5, 3)),
                            zorder=1)
+    left = phi_j > np.mean(axes[2, 0].get_xlim())
     axes[2, 0].annotate(r"$\phi_J = %.6f$" % phi_j, (phi_j, 0.5),
-                        xycoords=("data", "axes fraction"), xytext=(-8, 0),
-                        textcoords="offset points", ha="right", va="center", color=INK)
+                        xycoords=("data", "axes fraction"),
+                        xytext=(-8 if left else 8, 0), textcoords="offset points",
+                        ha="right" if left else "left", va="center", color=INK)
 
   if zoom:
     chosen = np.isfinite(excess)
@@ -722,7 +775,7 @@ def PathFigure(arguments):
       ax.tick_params(labelleft=False)
       good = chosen & (table[name] > 0)
       if good.any():
-        Guide(ax, excess[good], table[name][good], slope, "slope %g" % slope)
+        Guide(ax, excess[good], table[name][good], slope, floors[row])
     ax = axes[2, 1]
     Decades(ax.xaxis, low, high)
     ax.set_xlabel(r"distance to jamming  $\phi - \phi_J$")
@@ -736,26 +789,26 @@ def PathFigure(arguments):
       # d N' - d + 1 contacts.
       isostatic = 2 * d - 2 * (d - 1) / grains
       ax.axhline(isostatic, color=GREY, linewidth=1.2, linestyle=(0, (5, 3)), zorder=2)
-      values = np.append(z[chosen], isostatic)
+      values = np.append(z[chosen & np.isfinite(z)], isostatic)
       air = max(0.02, 0.12 * np.ptp(values))
-      ax.set_ylim(values.min() - 1.6 * air, values.max() + air)
+      ax.set_ylim(values.min() - 2.0 * air, values.max() + air)
       ax.annotate(r"isostatic  $%d - %d/N' = %.4f$" % (2 * d, 2 * (d - 1), isostatic),
                   (0.97, isostatic), xycoords=("axes fraction", "data"),
-                  xytext=(0, -6), textcoords="offset points", ha="right", va="top",
+                  xytext=(0, -8), textcoords="offset points", ha="right", va="top",
                   color=GREY)
-    ax.yaxis.set_major_locator(ticker.MaxNLocator(5))
+    ax.yaxis.set_major_locator(ticker.MaxNLocator(5, steps=[1, 2, 5, 10]))
 
   handles = [Line2D([], [], linestyle="", marker=marker, markersize=8,
                     markerfacecolor=colour, markeredgecolor=Mix(colour, INK, 0.25),
-                    label=label)
-             for name, colour, marker, label in STAGES if name in table["stage"]]
+                    label=name)
+             for name, colour, marker in STAGES if name in table["stage"]]
   for verdict, fill in (("unjammed", "white"), ("undecided", PALE)):
     if verdict in table["verdict"]:
       handles.append(Line2D([], [], linestyle="", marker="o", markersize=8,
                             markerfacecolor=fill, markeredgecolor=INK, label=verdict))
-  figure.legend(handles=handles, loc="upper center", ncol=len(handles),
-                bbox_to_anchor=(0.51, 0.985), fontsize=13, handletextpad=0.2,
-                columnspacing=1.4)
+  figure.legend(handles=handles, loc="upper center", ncol=6 if zoom else 3,
+                bbox_to_anchor=(0.51 if zoom else 0.555, 0.997), fontsize=13,
+                handletextpad=0.2, columnspacing=1.4)
   for ax in axes.flat:
     ax.tick_params(which="both", top=True, right=True)
   figure.align_ylabels(axes[:, 0])
@@ -765,34 +818,64 @@ def PathFigure(arguments):
 def TraceFigure(arguments):
   table = ReadTable(arguments.table, ("iteration", "energy", "max_gradient",
                                       "mean_force", "vanishing", "seconds"))
+  if not len(table["energy"]):
+    raise InputError("%s: no rows" % arguments.table)
   scale = table["mean_force"]
   residual = np.full(len(scale), np.nan)
   np.divide(table["max_gradient"], scale, out=residual, where=scale > 0)
-  residual[~(residual > 0)] = np.nan
-  if not np.isfinite(residual).any():
-    raise InputError("%s: no row with a positive max_gradient and mean_force" %
-                     arguments.table)
+  curves = [(r"$\max|g|\,/\,\langle f\rangle$", BLUE, "-", residual)]
+  # A run that ends unjammed has no small residual, but its forces vanish: their
+  # measure is shown if it fell further.
+  vanishing = table["vanishing"]
+  gone = table["energy"][-1] == 0
+  if gone or vanishing[-1] * residual[0] < residual[-1] * vanishing[0]:
+    curves.append((r"$(p\,/\,k\,\bar r^{\,\alpha-d})^{1/(\alpha-1)}$", VERMILION,
+                   (0, (5, 2)), vanishing))
+  for _, _, _, values in curves:
+    values[~(np.isfinite(values) & (values > 0))] = np.nan
+  curves = [curve for curve in curves if np.isfinite(curve[3]).any()]
+  if not curves and not gone:
+    raise InputError("%s: no positive residual" % arguments.table)
+  shown = np.concatenate([np.array([])] + [values for _, _, _, values in curves])
+  shown = shown[np.isfinite(shown)]
   figure, axes = plt.subplots(
       1, 2, sharey=True, figsize=(10.4, 4.4),
-      gridspec_kw=dict(left=0.095, right=0.975, top=0.95, bottom=0.16, wspace=0.06))
-  low, high = Span(residual[np.isfinite(residual)])
-  few = np.isfinite(residual).sum() <= 40
-  for ax, name, label in zip(axes, ("iteration", "seconds"), ("iterations", "seconds")):
-    ax.set_yscale("log")
-    ax.plot(table[name], residual, color=BLUE, marker="o" if few else None,
-            markersize=4.5)
-    last = np.nonzero(np.isfinite(residual))[0][-1]
-    ax.plot(table[name][last], residual[last], "o", color=BLUE, markersize=7,
-            clip_on=False, zorder=4)
+      gridspec_kw=dict(left=0.095, right=0.975, top=0.95, bottom=0.16, wspace=0.07))
+  low, high = Span(shown)
+  axes[0].set_yscale("log")
+  axes[0].set_ylim(10**low, 10**high)
+  Decades(axes[0].yaxis, low, high)
+  seconds = table["seconds"]
+  short = seconds.max() < 1
+  for ax, x, label in ((axes[0], table["iteration"], "iterations"),
+                       (axes[1], seconds * (1000 if short else 1),
+                        "milliseconds" if short else "seconds")):
+    for name, colour, dashes, values in curves:
+      good = np.nonzero(np.isfinite(values))[0]
+      ax.plot(x, values, color=colour, linestyle=dashes, label=name,
+              linewidth=1.4 if len(good) < 5000 else 0.9,
+              marker="o" if len(good) <= 40 else None, markersize=4)
+      ax.plot(x[good[-1:]], values[good[-1:]], "o", color=colour, markersize=7,
+              clip_on=False, zorder=4)
+    if gone:
+      ax.plot(x[-1:], [0.03], "o", markerfacecolor="white", markeredgecolor=INK,
+              markersize=8, zorder=5, label="$E = 0$", linestyle="",
+              transform=ax.get_xaxis_transform())
     ax.set_xlabel(label)
     ax.margins(x=0.03)
-    ax.xaxis.set_major_locator(ticker.MaxNLocator(6))
+    ax.xaxis.set_major_locator(ticker.MaxNLocator(6, steps=[1, 2, 5, 10])
+                               if np.ptp(x) > 0 else ticker.FixedLocator(x[:1]))
+    ax.xaxis.set_major_formatter(ticker.FuncFormatter(
+        lambda value, _: "{:,.10g}".format(value)))
     ax.grid(True, which="major", color=PALE, linewidth=0.7)
     ax.set_axisbelow(True)
     ax.tick_params(which="both", top=True, right=True)
-  axes[0].set_ylim(10**low, 10**high)
-  Decades(axes[0].yaxis, low, high)
-  axes[0].set_ylabel(r"$\max|g|\,/\,\langle f\rangle$")
+  if len(curves) == 1 and not gone:
+    axes[0].set_ylabel(curves[0][0])
+  else:
+    axes[0].set_ylabel("residual")
+    axes[1].legend(loc="best", fontsize=13, frameon=True, framealpha=0.9,
+                   edgecolor="none")
   return figure
 
 
@@ -813,7 +896,16 @@ def Save(figure, base):
       written.append((temporary, path))
       metadata = {"Creator": "granopt", "Date": None} if kind == "svg" \
           else {"Software": "granopt"}
-      figure.savefig(temporary, format=kind, dpi=DPI, metadata=metadata)
+      picture = io.BytesIO()
+      figure.savefig(picture, format=kind, dpi=DPI, metadata=metadata)
+      data = picture.getvalue()
+      if kind == "svg":
+        # matplotlib names clip paths after addresses in memory.
+        names = {}
+        data = re.sub(rb'(url\(#|id=")(p[0-9a-f]{10})\b', lambda match: match[1] +
+                      names.setdefault(match[2], b"clip%d" % len(names)), data)
+      with open(temporary, "wb") as file:
+        file.write(data)
     for temporary, path in written:
       os.replace(temporary, path)
   except OSError as error:

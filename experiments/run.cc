@@ -1,5 +1,6 @@
 #include "experiments/run.h"
 
+#include <dlfcn.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -24,6 +25,7 @@
 #include "generated/git_revision.h"
 #include "granular/atomic_file.h"
 #include "granular/packing_io.h"
+#include "solvers/sparse_cholesky.h"
 
 DEFINE_string(out, "", "folder for the results; default out/<binary>");
 DEFINE_uint64(seed, 1, "seed of every random number");
@@ -104,6 +106,14 @@ std::vector<std::string> LoadedBlas() {
   return {found.begin(), found.end()};
 }
 
+// The library whose dgemm a call from this binary reaches.
+std::string DgemmLibrary() {
+  void* const dgemm = dlsym(RTLD_DEFAULT, "dgemm_");
+  Dl_info info;
+  if (dgemm == nullptr || dladdr(dgemm, &info) == 0) return "none";
+  return info.dli_fname;
+}
+
 }  // namespace
 
 std::string Format(const char* format, ...) {
@@ -130,7 +140,7 @@ void ParseFlags(int* argc, char*** argv, const char* purpose) {
   gflags::SetVersionString(GRANOPT_GIT_REVISION);
   for (int a = 1; a < *argc; ++a) {
     const std::string word = (*argv)[a];
-    if (word == "--help" || word == "-help" || word == "-h") {
+    if (word.rfind("--help", 0) == 0 || word == "-help" || word == "-h") {
       PrintHelp(purpose);
       std::exit(kConverged);
     }
@@ -221,9 +231,10 @@ bool Output::Plot(const std::vector<std::string>& arguments,
     files_.insert(files_.end(), made.begin(), made.end());
   } else {
     std::fprintf(stderr,
-                 "no picture: '%s %s' failed (python3-matplotlib missing?)\n",
-                 GRANOPT_PLOT_SCRIPT,
-                 arguments.empty() ? "" : arguments[0].c_str());
+                 "%s: no picture '%s': python3 %s failed\n",
+                 BinaryName()->c_str(),
+                 arguments.empty() ? "" : arguments[0].c_str(),
+                 GRANOPT_PLOT_SCRIPT);
   }
   return succeeded;
 }
@@ -251,9 +262,10 @@ Json Provenance() {
               EIGEN_WORLD_VERSION,
               EIGEN_MAJOR_VERSION,
               EIGEN_MINOR_VERSION)},
+      {"sparse_cholesky", SparseCholesky::Library()},
       {"glog", GRANOPT_GLOG_VERSION},
       {"gflags", GRANOPT_GFLAGS_VERSION}};
-  json["blas"] = LoadedBlas();
+  json["blas"] = {{"dgemm", DgemmLibrary()}, {"loaded", LoadedBlas()}};
   char when[32];
   const std::time_t now = std::time(nullptr);
   std::strftime(when, sizeof(when), "%Y-%m-%dT%H:%M:%SZ", std::gmtime(&now));

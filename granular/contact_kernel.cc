@@ -121,8 +121,15 @@ class Kernel final : public ContactKernel {
           change += s * (ref.r0[c] + r[c]);  // 2 r0.s + s.s
           d2 += r[c] * r[c];
         }
+        // An open gap closes only if change < delta0 (d + d0) <= delta0 d0.
+        if (ref.delta0 <= 0.0 && change >= ref.delta0 * ref.d0) continue;
         const double d = std::sqrt(d2);
-        const double delta = ref.delta0 - change / (d + ref.d0);
+        const double sum = d + ref.d0;
+        // One division serves 1 / (d + d0) and 1 / d; centres that coincide (d = 0)
+        // have no direction.
+        const double inverse = d > 0.0 ? 1.0 / (sum * d) : 0.0;
+        const double delta =
+            ref.delta0 - (d > 0.0 ? change * d * inverse : change / sum);
         if (!(delta > 0.0)) continue;
         const double k = kStiffness ? pairs.stiffness[p] : 1.0;
         const double force = k * law_.Force(delta);
@@ -131,8 +138,8 @@ class Kernel final : public ContactKernel {
         overlap += delta;
         virial += force * d;
         ++contacts;
-        if (kGradient && d > 0.0) {
-          const double f_over_d = force / d;
+        if (kGradient) {
+          const double f_over_d = force * (sum * inverse);
           for (int c = 0; c < D; ++c) {
             const double g = f_over_d * r[c];
             gi[c] -= g;

@@ -1,5 +1,6 @@
 #include "granular/jamming.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <utility>
@@ -93,7 +94,8 @@ class Protocol {
     result_->phi_cr = phi_jammed_;
     UpdateDistance(AffineSlope(), /*secant=*/false);
     if (!Decompress()) return false;
-    result_->converged = result_->distance <= options_.accuracy;
+    result_->converged =
+        result_->distance <= std::min(options_.error_bar, options_.accuracy);
     return true;
   }
 
@@ -130,10 +132,11 @@ class Protocol {
   // Down the branch; at least one step, which measures p'. The affine slope is too
   // steep, so the first step stays on the branch.
   bool Decompress() {
+    const bool follow = std::isfinite(options_.error_bar);
     double fraction = 0.5;
     int failures = 0;
     while (!result_->secant ||
-           (options_.decompress && result_->distance > options_.accuracy)) {
+           (follow && result_->distance > options_.error_bar)) {
       const double phi = result_->phi_cr - fraction * result_->distance;
       if (!(phi < result_->phi_cr)) return true;  // below the last digit
       Packing packing = result_->jammed.packing;
@@ -154,14 +157,12 @@ class Protocol {
         fraction *= 0.5;
         continue;
       }
-      if (options_.decompress || !result_->secant) {
-        if (options_.decompress) {
-          result_->jammed = std::move(state);
-          result_->phi_cr = phi;
-          phi_jammed_ = phi;
-        }
-        UpdateDistance(slope, /*secant=*/true);
+      if (follow) {
+        result_->jammed = std::move(state);
+        result_->phi_cr = phi;
+        phi_jammed_ = phi;
       }
+      UpdateDistance(slope, /*secant=*/true);
       if (failures == 0) fraction = 0.9;
     }
     return true;
@@ -292,7 +293,10 @@ bool FindJamming(const Packing& start,
   };
   if (!positive("phi_init", options.phi_init) ||
       !positive("dphi", options.phi_increment) ||
-      !positive("epsilon", options.accuracy) || !start.IsValid(error)) {
+      !positive("epsilon", options.accuracy) ||
+      !(std::isinf(options.error_bar) ||
+        positive("error_bar", options.error_bar)) ||
+      !start.IsValid(error)) {
     return false;
   }
   *result = JammingResult();

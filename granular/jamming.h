@@ -21,11 +21,11 @@ struct JammingOptions {
   SolveOptions solve;
   double phi_init = 0.8;
   double phi_increment = 1e-3;  // delta phi
-  double accuracy = 1e-6;       // epsilon
-  // Follow the jammed branch down until the error bar is <= accuracy. Off: the
-  // published algorithm, whose bisection may end on a state that is well above its
-  // own jamming point.
-  bool decompress = true;
+  double accuracy = 1e-6;       // epsilon, of the bisection
+  // Then follow the jammed branch down until the error bar is at most this.
+  // Infinity: the published algorithm, whose bisection may end on a state that is
+  // well above its own jamming point.
+  double error_bar = 1e-8;
   // A relaxation that its method gave up counts as jammed if max|g| is at most
   // this part of the mean force, else it is repeated from where it ended.
   double undecided_residual = 1e-3;
@@ -54,7 +54,7 @@ struct JammingResult {
   // state is above its own jamming point, p ~ (phi - phi_J)^(alpha-1).
   double distance = 0.0;
   double phi_j = 0.0;  // phi_cr - distance
-  // True if distance <= accuracy.
+  // True if distance <= min(error_bar, accuracy).
   bool converged = false;
   // Where p' comes from: two states of the branch, or the affine estimate.
   bool secant = false;
@@ -66,7 +66,8 @@ struct JammingResult {
 // Algorithm 1 from `start`, whose radii are first scaled to phi_init: relax, grow
 // radii by delta phi at fixed positions until a state is jammed, bisect between
 // the last unjammed and the first jammed packing fraction to epsilon, then (if
-// asked) decompress along the jammed branch, one decade a step.
+// asked) decompress along the jammed branch, one decade a step. p' is measured by
+// one step down the branch in any case.
 //
 // `observer` (may be empty) sees every relaxation; returning false ends the run.
 // Returns false with one line in `error` if the start is jammed at phi_init, if a

@@ -43,13 +43,17 @@ bool Packing::IsValid(std::string* error) const {
   for (int i = 0; i < n; ++i) {
     for (int k = 0; k < d; ++k) {
       const DoubleDouble x = Position(i, k);
+      if (!std::isfinite(x.hi) || !std::isfinite(x.lo)) {
+        return fail(GrainError(i, "position", x.hi) + "is not finite");
+      }
+    }
+    // Beyond 1e6 cells the image numbers lose their meaning.
+    for (int k = 0; k < d; ++k) {
       double cells = 0.0;
       for (int c = 0; c < d; ++c) cells += box.inverse()(k, c) * positions(c, i);
-      // Beyond 1e6 cells the image numbers lose their meaning.
-      if (!std::isfinite(x.hi) || !std::isfinite(x.lo) ||
-          !(std::abs(cells) <= 1e6)) {
-        return fail(GrainError(i, "position", x.hi) +
-                    "is not finite or far outside the cell");
+      if (!(std::abs(cells) <= 1e6)) {
+        return fail(GrainError(i, "position in cells", cells) +
+                    "is far outside");
       }
     }
     if (!(radii[i] > 0.0) || !std::isfinite(radii[i])) {

@@ -340,7 +340,7 @@ class Parser {
       return Fail("Lattice: the cell is singular");
     }
     result.positions = x.topRows(dimension);
-    if (low != nullptr && !x_low.topRows(dimension).isZero(0.0)) {
+    if (low != nullptr) {
       result.positions_low = x_low.topRows(dimension);
       for (int i = 0; i < n; ++i) {
         for (int k = 0; k < dimension; ++k) {
@@ -351,6 +351,7 @@ class Parser {
           }
         }
       }
+      if (result.positions_low.isZero(0.0)) result.positions_low.resize(0, 0);
     }
     std::string problem;
     if (!result.IsValid(&problem)) return Fail(problem);
@@ -407,7 +408,7 @@ bool CanBeWritten(const Packing& packing, std::string* problem) {
   for (const auto& attribute : packing.attributes) {
     for (const char* taken : {"", "Lattice", "Properties", "pbc"}) {
       if (attribute.first == taken) {
-        *problem = "attribute " + Quoted(taken) + " cannot have that name";
+          *problem = "an attribute cannot be named " + Quoted(taken);
         return false;
       }
     }

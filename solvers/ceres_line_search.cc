@@ -160,11 +160,12 @@ class Callback : public ceres::IterationCallback {
   Interruption interruption_ = Interruption::NONE;
 };
 
-// Ceres 2.1 takes ownership of a raw pointer, 2.2 of a unique_ptr.
+// Ceres 2.1 and 2.2 take ownership of a raw pointer, later versions of a
+// unique_ptr.
 std::unique_ptr<ceres::GradientProblem> MakeProblem(
     std::unique_ptr<ceres::FirstOrderFunction> function) {
 #if CERES_VERSION_MAJOR > 2 || \
-    (CERES_VERSION_MAJOR == 2 && CERES_VERSION_MINOR >= 2)
+    (CERES_VERSION_MAJOR == 2 && CERES_VERSION_MINOR >= 3)
   return std::make_unique<ceres::GradientProblem>(std::move(function));
 #else
   return std::make_unique<ceres::GradientProblem>(function.release());

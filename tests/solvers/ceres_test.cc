@@ -1,0 +1,712 @@
+// Ceres' methods behind our interface, and the traps of Ceres that the
+// interface is there to avoid, as the installed version has them
+// (third_party_notes/ceres.md).
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <ostream>
+#include <regex>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "ceres/gradient_problem.h"
+#include "ceres/gradient_problem_solver.h"
+#include "ceres/iteration_callback.h"
+#include "ceres/version.h"
+#include "glog/logging.h"
+#include "gtest/gtest.h"
+#include "solvers/registry.h"
+#include "solvers/solver.h"
+#include "tests/solvers/test_functions.h"
+
+namespace granopt {
+
+void PrintTo(StopReason reason, std::ostream* out) {
+  *out << StopReasonName(reason);
+}
+
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+// Gradient descent with Armijo's rule and the Hestenes-Stiefel direction is the
+// one combination that Ceres itself cannot be trusted with: with lengths of
+// order one it creeps for ever on the parabola 500 (x - s)^2 and fails on
+// Rosenbrock's function.
+const char kUnreliable[] = "beta=hs,line_search=armijo";
+
+std::vector<std::string> AllSpecs() {
+  std::vector<std::string> specs;
+  for (const char* scaled : {"scaled=0", "scaled=1"}) {
+    specs.push_back(std::string("ceres_lbfgs:") + scaled);
+    specs.push_back(std::string("ceres_lbfgs:differences=1,") + scaled);
+    for (const char* beta : {"fr", "pr", "hs"}) {
+      for (const char* search : {"wolfe", "armijo"}) {
+        specs.push_back(std::string("ceres_ncg:beta=") + beta +
+                        ",line_search=" + search + "," + scaled);
+      }
+    }
+  }
+  return specs;
+}
+
+bool Contains(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
+bool IsReliable(const std::string& spec) {
+  return !Contains(spec, kUnreliable);
+}
+
+bool SameBits(double a, double b) {
+  return std::memcmp(&a, &b, sizeof(double)) == 0;
+}
+
+bool SameBits(const std::vector<double>& a, const std::vector<double>& b) {
+  return a.size() == b.size() &&
+         std::memcmp(a.data(), b.data(), sizeof(double) * a.size()) == 0;
+}
+
+double CostAt(const FirstOrderFunction& f, const std::vector<double>& x) {
+  double cost;
+  EXPECT_TRUE(f.Evaluate(x.data(), &cost, nullptr));
+  return cost;
+}
+
+double MaxGradientAt(const FirstOrderFunction& f,
+                     const std::vector<double>& x) {
+  double cost, result = 0.0;
+  std::vector<double> gradient(x.size());
+  EXPECT_TRUE(f.Evaluate(x.data(), &cost, gradient.data()));
+  for (const double g : gradient) result = std::max(result, std::abs(g));
+  return result;
+}
+
+struct Result {
+  Summary summary;
+  std::vector<double> x;
+};
+
+Result Minimize(const std::string& spec,
+                FirstOrderFunction* function,
+                std::vector<double> x,
+                const SolveOptions& options = {}) {
+  std::string error;
+  const std::unique_ptr<Solver> solver = CreateSolver(spec, &error);
+  if (solver == nullptr) {
+    ADD_FAILURE() << error;
+    return {};
+  }
+  Result run;
+  run.summary = solver->Minimize(function, options, x.data());
+  run.x = std::move(x);
+  EXPECT_EQ(run.summary.solver, spec);
+  EXPECT_EQ(run.summary.message.find('\n'), std::string::npos);
+  return run;
+}
+
+SolveOptions Tolerance(double relative) {
+  SolveOptions options;
+  options.relative_tolerance = relative;
+  // No method needs that many; a run that hangs must end.
+  options.max_iterations = 20000;
+  return options;
+}
+
+const std::vector<double> kRosenbrockStart = {-1.2, 1.0};
+
+// What the summary says is true of the point that was returned.
+void ExpectHonest(const FirstOrderFunction& f, const Result& run) {
+  EXPECT_TRUE(SameBits(run.summary.cost, CostAt(f, run.x)));
+  EXPECT_TRUE(SameBits(run.summary.max_gradient, MaxGradientAt(f, run.x)));
+  const bool success = run.summary.max_gradient <= run.summary.tolerance ||
+                       run.summary.reason == StopReason::VANISHED;
+  EXPECT_EQ(run.summary.Succeeded(), success) << run.summary.BriefReport();
+}
+
+// "... |g| = 3.1e-09 > 1.0e-10 after 500 iterations ...": the first number
+// exceeds the second, which is the tolerance, and the count is right.
+void ExpectBothNumbers(const Summary& summary,
+                       const char* what,
+                       std::int64_t count) {
+  std::smatch match;
+  const std::regex pattern(
+      "\\|g\\| = ([-+.e0-9]+) > ([-+.e0-9]+) after ([0-9]+) " +
+      std::string(what));
+  ASSERT_TRUE(std::regex_search(summary.message, match, pattern))
+      << summary.message;
+  EXPECT_GT(std::stod(match[1]), std::stod(match[2]));
+  EXPECT_NEAR(std::stod(match[2]), summary.tolerance, 0.01 * summary.tolerance);
+  EXPECT_EQ(std::stoll(match[3]), count);
+}
+
+class CeresMethods : public testing::TestWithParam<std::string> {
+ protected:
+  const std::string& spec() const { return GetParam(); }
+};
+
+INSTANTIATE_TEST_SUITE_P(All,
+                         CeresMethods,
+                         testing::ValuesIn(AllSpecs()),
+                         [](const testing::TestParamInfo<std::string>& info) {
+                           std::string name = info.param;
+                           for (char& c : name) {
+                             if (!std::isalnum(static_cast<unsigned char>(c)))
+                               c = '_';
+                           }
+                           return name;
+                         });
+
+// ---- Success ----------------------------------------------------------------
+
+TEST_P(CeresMethods, ConvexQuadratic) {
+  Quadratic quadratic(50);
+  const Result run = Minimize(
+      spec(), &quadratic, std::vector<double>(50, 0.0), Tolerance(1e-6));
+  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
+      << run.summary.BriefReport();
+  ExpectHonest(quadratic, run);
+  // |x - s|_2 <= |g|_2 / lambda_min with lambda_min = 1.
+  const Eigen::Map<const Eigen::VectorXd> x(run.x.data(), 50);
+  EXPECT_LE((x - quadratic.solution()).norm(),
+            std::sqrt(50.0) * run.summary.max_gradient);
+  EXPECT_LT(run.summary.counters.iterations, 1500);
+  EXPECT_EQ(run.summary.counters.restarts, 0);
+  EXPECT_EQ(run.summary.counters.hessians, 0);
+}
+
+TEST_P(CeresMethods, Rosenbrock) {
+  Rosenbrock rosenbrock;
+  const Result run =
+      Minimize(spec(), &rosenbrock, kRosenbrockStart, Tolerance(1e-6));
+  ExpectHonest(rosenbrock, run);
+  EXPECT_LT(run.summary.cost, 1e-3 * run.summary.initial_cost);
+  if (!IsReliable(spec())) return;
+  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
+      << run.summary.BriefReport();
+  EXPECT_NEAR(run.x[0], 1.0, 1e-3);
+  EXPECT_NEAR(run.x[1], 1.0, 1e-3);
+}
+
+TEST_P(CeresMethods, OneVariable) {
+  Quadratic parabola(1);
+  const Result run = Minimize(spec(), &parabola, {0.0}, Tolerance(1e-10));
+  ExpectHonest(parabola, run);
+  if (!IsReliable(spec())) return;
+  EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
+  EXPECT_NEAR(run.x[0], parabola.solution()[0], 1e-9);
+}
+
+TEST_P(CeresMethods, StartAtTheMinimum) {
+  Rosenbrock rosenbrock;
+  const Result run = Minimize(spec(), &rosenbrock, {1.0, 1.0});
+  EXPECT_EQ(run.summary.reason, StopReason::VANISHED);
+  EXPECT_EQ(run.summary.message, "cost = 0 exactly after 0 iterations");
+  EXPECT_EQ(run.summary.counters.iterations, 0);
+  EXPECT_EQ(run.x, (std::vector<double>{1.0, 1.0}));
+  ExpectHonest(rosenbrock, run);
+}
+
+TEST_P(CeresMethods, StartWithinTheTolerance) {
+  Quadratic quadratic(50);
+  std::vector<double> start(quadratic.solution().begin(),
+                            quadratic.solution().end());
+  start[7] += 1e-12;
+  const Result run = Minimize(spec(), &quadratic, start);
+  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED);
+  EXPECT_EQ(run.summary.counters.iterations, 0);
+  EXPECT_TRUE(SameBits(run.x, start));
+  ExpectHonest(quadratic, run);
+}
+
+// As an unjammed packing does: no term is active.
+class Nothing : public FirstOrderFunction {
+ public:
+  int NumParameters() const override { return 3; }
+  bool EvaluateWithScales(const double* /*x*/,
+                          double* cost,
+                          double* gradient,
+                          Scales* scales) const override {
+    *cost = 0.0;
+    if (gradient != nullptr) std::fill(gradient, gradient + 3, 0.0);
+    if (scales != nullptr) *scales = {0.0, 0.0, 0.0};
+    return true;
+  }
+};
+
+TEST_P(CeresMethods, ZeroAtTheStartHasVanished) {
+  Nothing nothing;
+  const std::vector<double> start = {0.5, -0.5, 3.0};
+  const Result run = Minimize(spec(), &nothing, start);
+  EXPECT_EQ(run.summary.reason, StopReason::VANISHED);
+  EXPECT_EQ(run.summary.message, "cost = 0 exactly after 0 iterations");
+  EXPECT_EQ(run.summary.cost, 0.0);
+  EXPECT_TRUE(SameBits(run.x, start));
+}
+
+// ---- Budgets and callbacks --------------------------------------------------
+
+TEST_P(CeresMethods, IterationsExhausted) {
+  Quadratic quadratic(50);
+  const std::vector<double> start(50, 0.0);
+  for (const int budget : {0, 1, 7}) {
+    SolveOptions options;
+    options.max_iterations = budget;
+    const Result run = Minimize(spec(), &quadratic, start, options);
+    EXPECT_EQ(run.summary.reason, StopReason::MAX_ITERATIONS);
+    EXPECT_EQ(run.summary.counters.iterations, budget);
+    ExpectBothNumbers(run.summary, "iterations", budget);
+    ExpectHonest(quadratic, run);
+    EXPECT_EQ(SameBits(run.x, start), budget == 0);
+    EXPECT_EQ(run.summary.cost<run.summary.initial_cost, budget> 0);
+  }
+}
+
+TEST_P(CeresMethods, EvaluationsExhausted) {
+  Quadratic quadratic(50);
+  const std::vector<double> start(50, 0.0);
+  for (const int budget : {1, 2, 3, 20}) {
+    SCOPED_TRACE(budget);
+    Spy spy(&quadratic);
+    SolveOptions options;
+    options.max_evaluations = budget;
+    const Result run = Minimize(spec(), &spy, start, options);
+    EXPECT_EQ(run.summary.reason, StopReason::MAX_EVALUATIONS);
+    EXPECT_EQ(spy.evaluations(), budget);
+    EXPECT_EQ(run.summary.counters.evaluations, budget);
+    EXPECT_EQ(run.summary.initial_cost, CostAt(quadratic, start));
+    ExpectBothNumbers(run.summary, "evaluations", budget);
+    ExpectHonest(quadratic, run);
+    if (budget == 20) {
+      EXPECT_LT(run.summary.cost, run.summary.initial_cost);
+    }
+  }
+}
+
+TEST_P(CeresMethods, CallbackStops) {
+  Quadratic quadratic(50);
+  SolveOptions options;
+  int calls = 0;
+  options.callback = [&](const IterationState& state) {
+    EXPECT_EQ(state.counters.iterations, calls);
+    EXPECT_EQ(state.num_parameters, 50);
+    const std::vector<double> x(state.x, state.x + 50);
+    EXPECT_TRUE(SameBits(state.cost, CostAt(quadratic, x)));
+    EXPECT_TRUE(SameBits(state.max_gradient, MaxGradientAt(quadratic, x)));
+    double largest = 0.0;
+    for (int i = 0; i < 50; ++i) {
+      largest = std::max(largest, std::abs(state.gradient[i]));
+    }
+    EXPECT_EQ(largest, state.max_gradient);
+    return ++calls < 4;
+  };
+  const Result run =
+      Minimize(spec(), &quadratic, std::vector<double>(50, 0.0), options);
+  EXPECT_EQ(calls, 4);
+  EXPECT_EQ(run.summary.reason, StopReason::CALLBACK);
+  EXPECT_EQ(run.summary.counters.iterations, 3);
+  EXPECT_FALSE(run.summary.Succeeded());
+  EXPECT_TRUE(Contains(run.summary.message, "stopped by the caller"));
+  ExpectBothNumbers(run.summary, "iterations", 3);
+  EXPECT_LT(run.summary.cost, run.summary.initial_cost);
+  ExpectHonest(quadratic, run);
+}
+
+// ---- Failure ----------------------------------------------------------------
+
+TEST_P(CeresMethods, NanAtTheStart) {
+  Quadratic quadratic(50);
+  Spy spy(&quadratic, [](int, double*, double* gradient) {
+    if (gradient != nullptr) gradient[17] = kNan;
+    return true;
+  });
+  const std::vector<double> start(50, 0.25);
+  const Result run = Minimize(spec(), &spy, start);
+  EXPECT_EQ(run.summary.reason, StopReason::EVALUATION_FAILED);
+  EXPECT_EQ(run.summary.message, "gradient[17] = nan at evaluation 1");
+  EXPECT_EQ(spy.evaluations(), 1);
+  EXPECT_TRUE(SameBits(run.x, start));
+
+  const Result bad_start =
+      Minimize(spec(), &quadratic, std::vector<double>(50, kNan));
+  EXPECT_EQ(bad_start.summary.reason, StopReason::EVALUATION_FAILED);
+  EXPECT_EQ(bad_start.summary.message, "x[0] = nan at evaluation 1");
+}
+
+// One bad trial point is the line search's business.
+TEST_P(CeresMethods, NanOnce) {
+  Quadratic quadratic(50);
+  Spy spy(&quadratic, [](int evaluation, double* cost, double* gradient) {
+    if (evaluation == 3) *cost = std::numeric_limits<double>::infinity();
+    if (evaluation == 5 && gradient != nullptr) gradient[3] = kNan;
+    return true;
+  });
+  const Result run =
+      Minimize(spec(), &spy, std::vector<double>(50, 0.0), Tolerance(1e-6));
+  EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
+  ExpectHonest(quadratic, run);
+}
+
+// NaN for good, from the third evaluation (the first trial point) or later on:
+// the run ends, says why, and gives back the best point from before.
+TEST_P(CeresMethods, NanFromNowOn) {
+  Quadratic quadratic(50);
+  const std::vector<double> start(50, 0.0);
+  for (const int first : {3, 40}) {
+    SCOPED_TRACE(first);
+    Spy spy(&quadratic, [first](int evaluation, double*, double* gradient) {
+      if (evaluation >= first && gradient != nullptr) gradient[17] = kNan;
+      return true;
+    });
+    const Result run = Minimize(spec(), &spy, start, Tolerance(1e-10));
+    EXPECT_EQ(run.summary.reason, StopReason::EVALUATION_FAILED);
+    EXPECT_EQ(run.summary.message,
+              "gradient[17] = nan at evaluation " + std::to_string(first));
+    ExpectHonest(quadratic, run);
+    EXPECT_EQ(SameBits(run.x, start), first == 3);
+    if (first == 40) {
+      EXPECT_LT(run.summary.cost, run.summary.initial_cost);
+    }
+  }
+}
+
+// Ceres calls this FAILURE and throws its result away (trap T6, below).
+TEST_P(CeresMethods, BestPointSurvivesAFunctionThatRefuses) {
+  Quadratic quadratic(50);
+  const std::vector<double> start(50, 0.0);
+  Spy spy(&quadratic,
+          [](int evaluation, double*, double*) { return evaluation <= 60; });
+  const Result run = Minimize(spec(), &spy, start, Tolerance(1e-10));
+  EXPECT_EQ(run.summary.reason, StopReason::EVALUATION_FAILED);
+  EXPECT_EQ(run.summary.message, "the function refused evaluation 61");
+  ExpectHonest(quadratic, run);
+  EXPECT_FALSE(SameBits(run.x, start));
+  // Not a worse point than the last trial points of the line search, of which
+  // one may be a little better than the last accepted.
+  EXPECT_LT(run.summary.cost, 0.1 * run.summary.initial_cost);
+  EXPECT_LE(run.summary.cost, 2.0 * spy.least_cost());
+}
+
+// A function that cannot be rebased is not stopped for it: Ceres keeps its
+// history.
+TEST_P(CeresMethods, NoRestartWhereNoRebaseIsPossible) {
+  Quadratic quadratic(50);
+  Offset offset(&quadratic, 1e7);
+  const Result run =
+      Minimize(spec(), &offset, std::vector<double>(50, 1e7), Tolerance(1e-8));
+  EXPECT_EQ(run.summary.counters.restarts, 0);
+  EXPECT_EQ(run.summary.counters.rebases, 0);
+  ExpectHonest(offset, run);
+}
+
+// ---- Records ----------------------------------------------------------------
+
+TEST_P(CeresMethods, TwoRunsAreBitwiseEqual) {
+  Rosenbrock rosenbrock;
+  SolveOptions options = Tolerance(1e-6);
+  options.record_trace = true;
+  const Result a = Minimize(spec(), &rosenbrock, kRosenbrockStart, options);
+  const Result b = Minimize(spec(), &rosenbrock, kRosenbrockStart, options);
+  EXPECT_TRUE(SameBits(a.x, b.x));
+  EXPECT_EQ(a.summary.message, b.summary.message);
+  EXPECT_EQ(a.summary.counters.evaluations, b.summary.counters.evaluations);
+  ASSERT_EQ(a.summary.trace.size(), b.summary.trace.size());
+  for (std::size_t i = 0; i < a.summary.trace.size(); ++i) {
+    EXPECT_TRUE(SameBits(a.summary.trace[i].cost, b.summary.trace[i].cost));
+    EXPECT_TRUE(SameBits(a.summary.trace[i].max_gradient,
+                         b.summary.trace[i].max_gradient));
+  }
+}
+
+TEST_P(CeresMethods, TraceAgreesWithTheCounters) {
+  Quadratic quadratic(50);
+  Spy spy(&quadratic);
+  SolveOptions options = Tolerance(1e-6);
+  options.record_trace = true;
+  const std::vector<double> start(50, 0.0);
+  const Result run = Minimize(spec(), &spy, start, options);
+  const Summary& summary = run.summary;
+  EXPECT_EQ(spy.evaluations(), summary.counters.evaluations);
+  ASSERT_EQ(summary.trace.size(),
+            static_cast<std::size_t>(summary.counters.iterations) + 1);
+  EXPECT_EQ(summary.trace.front().cost, CostAt(quadratic, start));
+  EXPECT_EQ(summary.trace.front().cost, summary.initial_cost);
+  EXPECT_EQ(summary.trace.back().cost, summary.cost);
+  EXPECT_EQ(summary.trace.back().max_gradient, summary.max_gradient);
+  EXPECT_EQ(summary.trace.back().evaluations, summary.counters.evaluations);
+  double least = summary.initial_cost;
+  for (std::size_t i = 0; i < summary.trace.size(); ++i) {
+    const TraceRow& row = summary.trace[i];
+    EXPECT_EQ(row.iteration, static_cast<std::int64_t>(i));
+    EXPECT_EQ(row.gradient_scale, summary.scales.gradient);
+    least = std::min(least, row.cost);
+    if (i == 0) continue;
+    EXPECT_GT(row.evaluations, summary.trace[i - 1].evaluations);
+    EXPECT_GE(row.seconds, summary.trace[i - 1].seconds);
+  }
+  EXPECT_LE(summary.cost, least * (1 + 1e-9));
+  EXPECT_GE(summary.seconds, summary.function_seconds);
+
+  options.record_trace = false;
+  EXPECT_TRUE(Minimize(spec(), &spy, start, options).summary.trace.empty());
+}
+
+// ---- Units: what scaled=1 is for --------------------------------------------
+
+// 2^-60 f(2^20 x) is f in other units. With scaled=1 a method takes bitwise the
+// same iterations.
+TEST_P(CeresMethods, ScaledIsIndependentOfUnits) {
+  if (!Contains(spec(), "scaled=1")) return;
+  Quadratic quadratic(50);
+  InOtherUnits other(&quadratic, -60, 20);
+  const std::vector<double> start(50, 0.0);
+  const Result a = Minimize(spec(), &quadratic, start, Tolerance(1e-6));
+  const Result b = Minimize(spec(), &other, start, Tolerance(1e-6));
+  EXPECT_EQ(b.summary.reason, a.summary.reason);
+  EXPECT_EQ(b.summary.counters.iterations, a.summary.counters.iterations);
+  EXPECT_EQ(b.summary.counters.evaluations, a.summary.counters.evaluations);
+  EXPECT_EQ(b.summary.max_gradient, 0x1p-40 * a.summary.max_gradient);
+  EXPECT_EQ(b.summary.tolerance, 0x1p-40 * a.summary.tolerance);
+  for (int i = 0; i < 50; ++i) EXPECT_EQ(b.x[i], 0x1p-20 * a.x[i]) << i;
+}
+
+// Ceres as it is does not get there: s.y <= 1e-14 freezes L-BFGS, g.d > -1e-12
+// makes NCG start afresh at each step, so that both are gradient descent with
+// steps of at most one (traps T2, T3 below). The tenfold of the iterations is
+// not enough.
+TEST_P(CeresMethods, AsIsFailsInSmallUnits) {
+  if (!Contains(spec(), "scaled=0") || !IsReliable(spec())) return;
+  Quadratic quadratic(50);
+  InOtherUnits other(&quadratic, -60, 20);
+  const std::vector<double> start(50, 0.0);
+  const Result a = Minimize(spec(), &quadratic, start, Tolerance(1e-6));
+  ASSERT_EQ(a.summary.reason, StopReason::CONVERGED);
+  SolveOptions options = Tolerance(1e-6);
+  options.max_iterations = 10 * a.summary.counters.iterations;
+  const Result b = Minimize(spec(), &other, start, options);
+  EXPECT_FALSE(b.summary.Succeeded()) << b.summary.BriefReport();
+  EXPECT_GT(b.summary.max_gradient, 1e-2 * b.summary.scales.gradient);
+  ExpectHonest(other, b);
+}
+
+// Even in units of order one, Ceres as it is stops learning once s.y <= 1e-14.
+TEST(CeresLbfgs, ScaledGoesOnWhereAsIsEnds) {
+  Quadratic quadratic(50);
+  const std::vector<double> start(50, 0.0);
+  const Result as_is =
+      Minimize("ceres_lbfgs:scaled=0", &quadratic, start, Tolerance(1e-13));
+  EXPECT_FALSE(as_is.summary.Succeeded()) << as_is.summary.BriefReport();
+  ExpectHonest(quadratic, as_is);
+  const Result scaled =
+      Minimize("ceres_lbfgs:scaled=1", &quadratic, start, Tolerance(1e-13));
+  EXPECT_EQ(scaled.summary.reason, StopReason::CONVERGED)
+      << scaled.summary.BriefReport();
+  EXPECT_LT(scaled.summary.counters.iterations,
+            as_is.summary.counters.iterations);
+  ExpectHonest(quadratic, scaled);
+}
+
+// f + 1000: the minimum is not zero, so that near it a change of the cost is
+// lost in the roundoff of the cost.
+class Raised : public FirstOrderFunction {
+ public:
+  explicit Raised(const FirstOrderFunction* f) : f_(f) {}
+  int NumParameters() const override { return f_->NumParameters(); }
+  bool EvaluateWithScales(const double* x,
+                          double* cost,
+                          double* gradient,
+                          Scales* scales) const override {
+    if (!f_->EvaluateWithScales(x, cost, gradient, scales)) return false;
+    *cost += 1000.0;
+    return true;
+  }
+
+ private:
+  const FirstOrderFunction* f_;
+};
+
+TEST(CeresLbfgs, DifferencesReachBelowTheRoundoffOfTheCost) {
+  Quadratic quadratic(50);
+  Raised raised(&quadratic);
+  const std::vector<double> start(50, 0.0);
+  const Result costs = Minimize(
+      "ceres_lbfgs:scaled=1,restarts=9", &raised, start, Tolerance(1e-13));
+  EXPECT_EQ(costs.summary.reason, StopReason::NO_PROGRESS);
+  EXPECT_GT(costs.summary.max_gradient, 1e-10 * costs.summary.scales.gradient);
+  ExpectHonest(raised, costs);
+  const Result differences =
+      Minimize("ceres_lbfgs:scaled=1,differences=1,restarts=9",
+               &raised,
+               start,
+               Tolerance(1e-13));
+  EXPECT_EQ(differences.summary.reason, StopReason::CONVERGED)
+      << differences.summary.BriefReport();
+  ExpectHonest(raised, differences);
+}
+
+// A function with an origin is rebased where the rounding of x limits the
+// gradient, and the run goes on from zero.
+TEST(CeresLbfgs, RebasesWhereRoundingOfTheVariablesLimits) {
+  for (const char* spec : {"ceres_lbfgs:scaled=0", "ceres_lbfgs:scaled=1"}) {
+    Quadratic quadratic(50);
+    Offset offset(&quadratic, 1e8, /*can_rebase=*/true);
+    const Result run =
+        Minimize(spec, &offset, std::vector<double>(50, 1e8), Tolerance(1e-6));
+    EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
+        << run.summary.BriefReport();
+    EXPECT_EQ(run.summary.counters.rebases, 1);
+    EXPECT_EQ(run.summary.counters.restarts, 1);
+    EXPECT_LT(std::abs(run.x[0]), 1.0);
+    ExpectHonest(offset, run);
+  }
+}
+
+// ---- Traps of Ceres itself --------------------------------------------------
+
+// A run of Ceres without anything of ours in between.
+struct CeresRun {
+  ceres::GradientProblemSolver::Summary summary;
+  std::vector<double> x;
+  std::vector<double> costs;  // at each iterate that was accepted
+};
+
+class RecordCosts : public ceres::IterationCallback {
+ public:
+  explicit RecordCosts(std::vector<double>* costs) : costs_(costs) {}
+  ceres::CallbackReturnType operator()(
+      const ceres::IterationSummary& summary) override {
+    costs_->push_back(summary.cost);
+    return ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  std::vector<double>* costs_;
+};
+
+CeresRun RunCeres(const FirstOrderFunction& f,
+                  ceres::GradientProblemSolver::Options options,
+                  std::vector<double> x) {
+  // Ceres takes ownership; a Spy that meddles with nothing is a copy.
+  auto copy = std::make_unique<Spy>(&f);
+#if CERES_VERSION_MAJOR > 2 || \
+    (CERES_VERSION_MAJOR == 2 && CERES_VERSION_MINOR >= 2)
+  const ceres::GradientProblem problem(std::move(copy));
+#else
+  const ceres::GradientProblem problem(copy.release());
+#endif
+  CeresRun run;
+  RecordCosts record(&run.costs);
+  options.callbacks.push_back(&record);
+  options.logging_type = ceres::SILENT;
+  const int level = FLAGS_minloglevel;
+  FLAGS_minloglevel = google::GLOG_ERROR;  // trap T16
+  ceres::Solve(options, problem, x.data(), &run.summary);
+  FLAGS_minloglevel = level;
+  run.x = std::move(x);
+  return run;
+}
+
+ceres::GradientProblemSolver::Options OpenTolerances() {
+  ceres::GradientProblemSolver::Options options;
+  options.max_num_iterations = 1000;
+  options.function_tolerance = 0.0;
+  options.gradient_tolerance = 0.0;
+  options.parameter_tolerance = 0.0;
+  return options;
+}
+
+// T6: on FAILURE the iterates are thrown away; with
+// update_state_every_iteration the last accepted one is kept.
+TEST(CeresTraps, T6ResultIsThrownAwayOnFailure) {
+  Quadratic quadratic(50);
+  const std::vector<double> start(50, 0.0);
+  for (const bool update : {false, true}) {
+    Spy spy(&quadratic,
+            [](int evaluation, double*, double*) { return evaluation <= 60; });
+    ceres::GradientProblemSolver::Options options = OpenTolerances();
+    options.update_state_every_iteration = update;
+    const CeresRun run = RunCeres(spy, options, start);
+    EXPECT_EQ(run.summary.termination_type, ceres::FAILURE);
+    ASSERT_GT(run.costs.size(), 10u);
+    EXPECT_LT(run.costs.back(), 0.1 * run.costs.front());
+    EXPECT_EQ(SameBits(run.x, start), !update);
+    if (update) {
+      EXPECT_EQ(CostAt(quadratic, run.x), run.costs.back());
+    }
+  }
+}
+
+// 1 + 1e-20 x: the slope is there, the change of the cost is lost in roundoff.
+class FlatSlope : public FirstOrderFunction {
+ public:
+  int NumParameters() const override { return 1; }
+  bool EvaluateWithScales(const double* x,
+                          double* cost,
+                          double* gradient,
+                          Scales* /*scales*/) const override {
+    *cost = 1.0 + 1e-20 * x[0];
+    if (gradient != nullptr) gradient[0] = 1e-20;
+    return true;
+  }
+};
+
+// T9: function_tolerance = 0 still reports convergence, at a slope that is not
+// zero, when the cost did not change.
+TEST(CeresTraps, T9ZeroFunctionToleranceReportsConvergence) {
+  FlatSlope slope;
+  ceres::GradientProblemSolver::Options options = OpenTolerances();
+  options.line_search_direction_type = ceres::STEEPEST_DESCENT;
+  options.line_search_type = ceres::ARMIJO;
+  const CeresRun run = RunCeres(slope, options, {0.0});
+  EXPECT_EQ(run.summary.termination_type, ceres::CONVERGENCE);
+  EXPECT_TRUE(Contains(run.summary.message, "Function tolerance reached"))
+      << run.summary.message;
+  EXPECT_GT(MaxGradientAt(slope, run.x), options.gradient_tolerance);
+}
+
+// T2, T3: in small units NCG and L-BFGS of Ceres take bitwise the steps of
+// gradient descent, in units of order one they do not.
+TEST(CeresTraps, T2T3SmallUnitsMakeEveryMethodGradientDescent) {
+  Quadratic quadratic(50);
+  InOtherUnits small(&quadratic, -60, 20);
+  const std::vector<double> start(50, 0.0);
+  ceres::GradientProblemSolver::Options options = OpenTolerances();
+  options.max_num_iterations = 50;
+  const auto run = [&](const FirstOrderFunction& f,
+                       ceres::LineSearchDirectionType direction) {
+    options.line_search_direction_type = direction;
+    return RunCeres(f, options, start);
+  };
+  for (const auto direction :
+       {ceres::LBFGS, ceres::NONLINEAR_CONJUGATE_GRADIENT}) {
+    const CeresRun descent = run(small, ceres::STEEPEST_DESCENT);
+    const CeresRun same = run(small, direction);
+    ASSERT_EQ(same.costs.size(), 51u);
+    EXPECT_TRUE(SameBits(same.costs, descent.costs));
+    EXPECT_TRUE(SameBits(same.x, descent.x));
+    const CeresRun descent_in_ours = run(quadratic, ceres::STEEPEST_DESCENT);
+    const CeresRun better = run(quadratic, direction);
+    EXPECT_LT(better.costs.back(), 0.5 * descent_in_ours.costs.back());
+  }
+}
+
+// T8: the shortest step of a line search is an absolute length, and zero is
+// refused.
+TEST(CeresTraps, T8ShortestStepMustBePositive) {
+  ceres::GradientProblemSolver::Options options = OpenTolerances();
+  std::string error;
+  EXPECT_EQ(options.min_line_search_step_size, 1e-9);
+  options.min_line_search_step_size = 0.0;
+  EXPECT_FALSE(options.IsValid(&error));
+  options.min_line_search_step_size = 1e-300;
+  EXPECT_TRUE(options.IsValid(&error)) << error;
+}
+
+}  // namespace
+}  // namespace granopt

@@ -1,0 +1,75 @@
+#include "solvers/sparse_cholesky.h"
+
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "Eigen/Dense"
+#include "gtest/gtest.h"
+
+namespace granopt {
+namespace {
+
+// Lower triangle of the Laplacian of a chain of n, plus `diagonal` times 1.
+SparseMatrix Chain(int n, double diagonal) {
+  std::vector<Eigen::Triplet<double>> entries;
+  for (int i = 0; i < n; ++i) {
+    entries.emplace_back(i, i, 2.0 + diagonal);
+    if (i + 1 < n) entries.emplace_back(i + 1, i, -1.0);
+  }
+  SparseMatrix a(n, n);
+  a.setFromTriplets(entries.begin(), entries.end());
+  return a;
+}
+
+TEST(SparseCholesky, SolvesWithTheSymmetricMatrixAndItsShift) {
+  const int n = 200;
+  const SparseMatrix lower = Chain(n, 0.1);
+  Eigen::VectorXd x_true(n);
+  for (int i = 0; i < n; ++i) x_true[i] = std::sin(1.0 + i);
+  for (const double shift : {0.0, 0.7}) {
+    const Eigen::VectorXd b =
+        lower.selfadjointView<Eigen::Lower>() * x_true + shift * x_true;
+    SparseCholesky cholesky;
+    ASSERT_TRUE(cholesky.Factorize(lower, 1, shift));
+    Eigen::VectorXd x(n);
+    cholesky.Solve(b.data(), x.data());
+    EXPECT_LT((x - x_true).norm(), 1e-12 * x_true.norm());
+    // In place.
+    x = b;
+    cholesky.Solve(x.data(), x.data());
+    EXPECT_LT((x - x_true).norm(), 1e-12 * x_true.norm());
+  }
+}
+
+TEST(SparseCholesky, AnalyzesOncePerPatternVersion) {
+  SparseCholesky cholesky;
+  ASSERT_TRUE(cholesky.Factorize(Chain(50, 0.1), 7));
+  ASSERT_TRUE(cholesky.Factorize(Chain(50, 0.2), 7));
+  EXPECT_EQ(cholesky.num_analyses(), 1);
+  ASSERT_TRUE(cholesky.Factorize(Chain(60, 0.2), 8));
+  EXPECT_EQ(cholesky.num_analyses(), 2);
+  EXPECT_GE(cholesky.num_nonzeros(), 60 + 59);
+}
+
+TEST(SparseCholesky, RefusesIndefiniteAndNotFiniteMatricesAndRecovers) {
+  SparseCholesky cholesky;
+  // The chain's least eigenvalue is 2 - 2 cos(pi / (n + 1)) > 0.
+  EXPECT_TRUE(cholesky.Factorize(Chain(30, 0.0), 1));
+  EXPECT_FALSE(cholesky.Factorize(Chain(30, -0.5), 1));
+  EXPECT_TRUE(cholesky.Factorize(Chain(30, -0.5), 1, 0.6));
+  SparseMatrix bad = Chain(30, 0.1);
+  bad.valuePtr()[3] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(cholesky.Factorize(bad, 1));
+  ASSERT_TRUE(cholesky.Factorize(Chain(30, 0.1), 1));
+  std::vector<double> b(30, 1.0), x(30);
+  cholesky.Solve(b.data(), x.data());
+  EXPECT_TRUE(std::isfinite(x[15]));
+}
+
+TEST(SparseCholesky, NamesItsLibrary) {
+  EXPECT_FALSE(SparseCholesky::Library().empty());
+}
+
+}  // namespace
+}  // namespace granopt
