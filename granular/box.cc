@@ -45,7 +45,11 @@ Image Box::CellOf(const double* x) const {
   for (int k = 0; k < d; ++k) {
     double fraction = 0.0;
     for (int c = 0; c < d; ++c) fraction += inverse_(k, c) * x[c];
-    n[k] = static_cast<int>(std::floor(fraction));
+    // Further out (or nowhere, NaN) there is no image to speak of.
+    constexpr double kMostCells = 1e9;
+    if (std::abs(fraction) < kMostCells) {
+      n[k] = static_cast<int>(std::floor(fraction));
+    }
   }
   return n;
 }

@@ -9,7 +9,8 @@ namespace granopt {
 namespace {
 
 // Recentre when a grain has moved by more than this many mean overlaps from the
-// reference: the error of a gap is then still below 1e-14 mean overlaps.
+// reference. Near jamming the error of a gap is then still below 1e-14 mean
+// overlaps; where overlaps are comparable with radii it reaches 2e-13.
 constexpr double kRecenterOverlaps = 10.0;
 
 // The skin lies between these multiples of the smallest radius and is adapted
@@ -19,8 +20,19 @@ constexpr double kMaxSkin = 0.8;
 constexpr int kFewEvaluations = 20;
 constexpr int kManyEvaluations = 200;
 
-// Displacements of more cells than this are refused.
+// A grain may use this part of half the skin before the list is made again; the
+// rest is for the rounding of positions.
+constexpr double kUsableSkin = 0.999;
+
+// Displacements of more cell heights than this are refused.
 constexpr double kMaxCells = 1e6;
+
+// std::max drops a NaN, a sum keeps it.
+bool AllFinite(const double* v, int n) {
+  double probe = 0.0;
+  for (int i = 0; i < n; ++i) probe += v[i] - v[i];
+  return probe == 0.0;
+}
 
 }  // namespace
 
@@ -36,9 +48,7 @@ ContactEnergy::ContactEnergy(const Packing& packing,
       u_reference_(NumParameters(), 0.0),
       workspace_(NumParameters(), 0.0),
       u_list_(NumParameters(), 0.0),
-      skin_(kMinSkin * min_radius_) {
-  packing_.Wrap();
-}
+      skin_(kMinSkin * min_radius_) {}
 
 std::unique_ptr<ContactEnergy> ContactEnergy::Create(
     const Packing& packing,
@@ -87,13 +97,16 @@ bool ContactEnergy::BuildList(const double* u, std::string* error) const {
       skin_ = std::max(skin_ / 1.5, kMinSkin * min_radius_);
     }
   }
-  if (!BuildNeighborList(packing_.box,
-                         packing_.positions + displacement,
-                         packing_.radii,
-                         skin_,
-                         &list_,
-                         error)) {
-    return false;
+  const Eigen::MatrixXd positions = packing_.positions + displacement;
+  const auto build = [&]() {
+    return BuildNeighborList(
+        packing_.box, positions, packing_.radii, skin_, &list_, error);
+  };
+  if (!build()) {
+    // A cell that is too short for a wide skin may do for the narrowest.
+    if (skin_ <= kMinSkin * min_radius_) return false;
+    skin_ = kMinSkin * min_radius_;
+    if (!build()) return false;
   }
   std::copy(u, u + NumParameters(), u_list_.begin());
   ++list_version_;
@@ -116,6 +129,7 @@ bool ContactEnergy::BuildList(const double* u, std::string* error) const {
 void ContactEnergy::SetReferencePairs() const {
   const int d = dimension_;
   reference_pairs_.resize(list_.num_pairs());
+  pair_force_.resize(static_cast<std::size_t>(d) * list_.num_pairs());
   std::vector<DoubleDouble> x(NumParameters());
   for (int i = 0; i < num_grains_; ++i) {
     for (int k = 0; k < d; ++k) {
@@ -150,7 +164,9 @@ PairView ContactEnergy::View() const {
   PairView view;
   view.num_grains = num_grains_;
   view.row_start = list_.row_start.data();
+  view.i = list_.i.data();
   view.j = list_.j.data();
+  view.pair_force = pair_force_.data();
   view.reference = reference_pairs_.data();
   view.stiffness = pair_stiffness_.empty() ? nullptr : pair_stiffness_.data();
   return view;
@@ -158,6 +174,7 @@ PairView ContactEnergy::View() const {
 
 bool ContactEnergy::Prepare(const double* u) const {
   const int d = dimension_;
+  if (!AllFinite(u, NumParameters())) return false;
   double max_moved2 = 0.0;
   double max_u = 0.0;
   for (int i = 0; i < num_grains_; ++i) {
@@ -171,11 +188,13 @@ bool ContactEnergy::Prepare(const double* u) const {
     }
     max_moved2 = std::max(max_moved2, moved2);
   }
-  if (!(max_moved2 <= 0.25 * skin_ * skin_)) {
-    if (!std::isfinite(max_moved2) ||
-        !(max_u <= kMaxCells * packing_.box.Length())) {
-      return false;
+  const double usable = 0.5 * kUsableSkin * skin_;
+  if (max_moved2 > usable * usable) {
+    double least_height = packing_.box.Height(0);
+    for (int k = 1; k < d; ++k) {
+      least_height = std::min(least_height, packing_.box.Height(k));
     }
+    if (max_u > kMaxCells * least_height) return false;
     std::string error;
     if (!BuildList(u, &error)) return false;
   }
@@ -211,13 +230,12 @@ bool ContactEnergy::EvaluateWithScales(const double* u,
 }
 
 bool ContactEnergy::Recenter(const double* u) {
+  if (!AllFinite(u, NumParameters())) return false;
   double max_moved = 0.0;
   for (int v = 0; v < NumParameters(); ++v) {
     max_moved = std::max(max_moved, std::abs(u[v] - u_reference_[v]));
   }
-  if (!std::isfinite(max_moved) ||
-      !(max_moved > kRecenterOverlaps * last_overlap_) ||
-      last_overlap_ == 0.0) {
+  if (last_overlap_ == 0.0 || max_moved <= kRecenterOverlaps * last_overlap_) {
     return false;
   }
   std::copy(u, u + NumParameters(), u_reference_.begin());
@@ -226,18 +244,17 @@ bool ContactEnergy::Recenter(const double* u) {
 }
 
 bool ContactEnergy::Rebase(double* u) {
-  const int d = dimension_;
-  for (int i = 0; i < num_grains_; ++i) {
-    for (int k = 0; k < d; ++k) {
-      const int v = d * i + k;
-      packing_.SetPosition(i, k, packing_.Position(i, k) + u[v]);
-      u[v] = 0.0;
-      u_reference_[v] = 0.0;
-    }
+  // Prepare() makes sure that u is served before anything is moved.
+  if (!Prepare(u)) return false;
+  // Not wrapped: images, the names of gaps, stay as they are, and so does the list.
+  packing_ = Configuration(u);
+  for (int v = 0; v < NumParameters(); ++v) {
+    u_list_[v] -= u[v];
+    u_reference_[v] = 0.0;
+    u[v] = 0.0;
   }
-  packing_.Wrap();
-  std::string error;
-  return BuildList(u, &error);
+  SetReferencePairs();
+  return true;
 }
 
 bool ContactEnergy::HessianTimes(const double* u,
@@ -335,7 +352,6 @@ Packing ContactEnergy::Configuration(const double* u) const {
           i, k, packing_.Position(i, k) + u[dimension_ * i + k]);
     }
   }
-  result.Wrap();
   return result;
 }
 

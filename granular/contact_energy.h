@@ -83,11 +83,10 @@ class ContactEnergy : public UnilateralFunction {
   double Exponent() const override { return options_.alpha; }
   bool EvaluateGaps(const double* u, Gaps* gaps) const override;
 
-  // The packing at displacement u, wrapped into its cell, positions rounded to
-  // double-double once.
+  // The packing at displacement u, not wrapped, positions rounded to double-double
+  // once.
   Packing Configuration(const double* u) const;
-  // The contacts there, in increasing order of id. Image numbers refer to
-  // positions x + u that were not wrapped.
+  // The contacts of that packing, in increasing order of id.
   std::vector<Contact> Contacts(const double* u) const;
 
   const ContactEnergyOptions& options() const { return options_; }
@@ -110,7 +109,7 @@ class ContactEnergy : public UnilateralFunction {
   const ContactEnergyOptions options_;
   const int dimension_;
   const int num_grains_;
-  Packing packing_;  // the origin u = 0, wrapped
+  Packing packing_;  // the origin u = 0
   double mean_radius_ = 0.0;
   double min_radius_ = 0.0;
   std::unique_ptr<ContactKernel> kernel_;
@@ -124,6 +123,7 @@ class ContactEnergy : public UnilateralFunction {
   mutable std::int64_t list_version_ = 0;
   mutable std::int64_t evaluations_since_build_ = 0;
   mutable std::vector<ReferencePair> reference_pairs_;
+  mutable std::vector<double> pair_force_;
   mutable std::vector<double> pair_stiffness_;  // empty: all 1
   mutable double last_overlap_ = 0.0;           // mean, of the last evaluation
 };

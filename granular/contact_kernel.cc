@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <tuple>
 
 #include "granular/contact_law.h"
@@ -94,67 +95,63 @@ class Kernel final : public ContactKernel {
   }
 
  private:
+  // Two passes. The first runs over pairs without a branch that depends on the
+  // data, so that square roots and divisions overlap; the second adds forces up.
+  // An open gap adds exact zeros: results do not depend on which open gaps the list
+  // holds.
   template <bool kGradient, bool kStiffness>
   ContactSums Sweep(const PairView& pairs,
                     const double* w,
                     double* gradient) const {
     ContactSums sums;
-    const int n = pairs.num_grains;
-    if (kGradient) std::fill(gradient, gradient + D * n, 0.0);
-    for (int i = 0; i < n; ++i) {
-      double wi[D], gi[D];
+    const int m = pairs.row_start[pairs.num_grains];
+    for (int p = 0; p < m; ++p) {
+      const ReferencePair& ref = pairs.reference[p];
+      const double* wi = w + D * pairs.i[p];
+      const double* wj = w + D * pairs.j[p];
+      double r[D];
+      double change = 0.0, d2 = 0.0;
       for (int c = 0; c < D; ++c) {
-        wi[c] = w[D * i + c];
-        gi[c] = 0.0;
+        const double s = wi[c] - wj[c];
+        r[c] = ref.r0[c] + s;
+        change += s * (ref.r0[c] + r[c]);  // 2 r0.s + s.s
+        d2 += r[c] * r[c];
       }
-      // Sums by grain first, which keeps the roundoff of the totals small.
-      double energy = 0.0, force_sum = 0.0, overlap = 0.0, virial = 0.0;
-      int contacts = 0;
-      for (int p = pairs.row_start[i]; p < pairs.row_start[i + 1]; ++p) {
-        const ReferencePair& ref = pairs.reference[p];
-        const int j = pairs.j[p];
-        double r[D];
-        double change = 0.0, d2 = 0.0;
-        for (int c = 0; c < D; ++c) {
-          const double s = wi[c] - w[D * j + c];
-          r[c] = ref.r0[c] + s;
-          change += s * (ref.r0[c] + r[c]);  // 2 r0.s + s.s
-          d2 += r[c] * r[c];
-        }
-        // An open gap closes only if change < delta0 (d + d0) <= delta0 d0.
-        if (ref.delta0 <= 0.0 && change >= ref.delta0 * ref.d0) continue;
-        const double d = std::sqrt(d2);
-        const double sum = d + ref.d0;
-        // One division serves 1 / (d + d0) and 1 / d; centres that coincide (d = 0)
-        // have no direction.
-        const double inverse = d > 0.0 ? 1.0 / (sum * d) : 0.0;
-        const double delta =
-            ref.delta0 - (d > 0.0 ? change * d * inverse : change / sum);
-        if (!(delta > 0.0)) continue;
-        const double k = kStiffness ? pairs.stiffness[p] : 1.0;
-        const double force = k * law_.Force(delta);
-        energy += k * law_.Energy(delta);
-        force_sum += force;
-        overlap += delta;
-        virial += force * d;
-        ++contacts;
-        if (kGradient) {
-          const double f_over_d = force * (sum * inverse);
-          for (int c = 0; c < D; ++c) {
-            const double g = f_over_d * r[c];
-            gi[c] -= g;
-            gradient[D * j + c] += g;
-          }
-        }
-      }
+      const double d = std::sqrt(d2);
+      const double delta =
+          std::max(ref.delta0 - change / (d + ref.d0), 0.0);
+      const double k = kStiffness ? pairs.stiffness[p] : 1.0;
+      const double force = k * law_.Force(delta);
+      sums.energy += k * law_.Energy(delta);
+      sums.force += force;
+      sums.overlap += delta;
+      sums.virial += force * d;
+      sums.contacts += delta > 0.0 ? 1 : 0;
       if (kGradient) {
-        for (int c = 0; c < D; ++c) gradient[D * i + c] += gi[c];
+        // Centres that coincide have no direction and get no force.
+        const double f_over_d =
+            force / (d > 0.0 ? d : std::numeric_limits<double>::infinity());
+        for (int c = 0; c < D; ++c) {
+          pairs.pair_force[D * p + c] = f_over_d * r[c];
+        }
       }
-      sums.energy += energy;
-      sums.force += force_sum;
-      sums.overlap += overlap;
-      sums.virial += virial;
-      sums.contacts += contacts;
+    }
+    if (!kGradient) return sums;
+    const int n = pairs.num_grains;
+    std::fill(gradient, gradient + D * n, 0.0);
+    for (int i = 0; i < n; ++i) {
+      double gi[D];
+      for (int c = 0; c < D; ++c) gi[c] = gradient[D * i + c];
+      for (int p = pairs.row_start[i]; p < pairs.row_start[i + 1]; ++p) {
+        const int j = pairs.j[p];
+        if (j == i) continue;  // pulls on itself from both sides
+        for (int c = 0; c < D; ++c) {
+          const double f = pairs.pair_force[D * p + c];
+          gi[c] -= f;
+          gradient[D * j + c] += f;
+        }
+      }
+      for (int c = 0; c < D; ++c) gradient[D * i + c] = gi[c];
     }
     return sums;
   }

@@ -20,11 +20,14 @@ struct ReferencePair {
   double delta0;
 };
 
-// Pairs compressed by their first grain. `stiffness` may be null (all 1).
+// Pairs (i, j) compressed by their first grain. `stiffness` may be null (all 1);
+// `pair_force` is a workspace of d entries a pair.
 struct PairView {
   int num_grains = 0;
   const int* row_start = nullptr;
+  const int* i = nullptr;
   const int* j = nullptr;
+  double* pair_force = nullptr;
   const ReferencePair* reference = nullptr;
   const double* stiffness = nullptr;
 };

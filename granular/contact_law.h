@@ -6,7 +6,7 @@
 //
 // A law is a struct with the three functions at k = 1; every kernel is compiled
 // for every law in ContactLaws below. To add a law, write its struct and name it
-// there. Laws are written for any scalar (double, __float128).
+// there. Laws are written for any scalar that has sqrt and pow.
 
 #ifndef GRANOPT_GRANULAR_CONTACT_LAW_H_
 #define GRANOPT_GRANULAR_CONTACT_LAW_H_

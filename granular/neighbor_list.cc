@@ -219,6 +219,7 @@ bool BuildNeighborList(const Box& given_box,
   for (std::size_t e = 0; e < entries.size(); ++e) {
     order[fill[entries[e].i]++] = static_cast<int>(e);
   }
+  list->i.resize(entries.size());
   list->j.resize(entries.size());
   list->image.resize(entries.size());
   for (int i = 0; i < n; ++i) {
@@ -231,6 +232,7 @@ bool BuildNeighborList(const Box& given_box,
               });
   }
   for (std::size_t p = 0; p < order.size(); ++p) {
+    list->i[p] = entries[order[p]].i;
     list->j[p] = entries[order[p]].j;
     list->image[p] = entries[order[p]].image;
   }

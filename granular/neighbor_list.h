@@ -18,7 +18,7 @@ namespace granopt {
 // sorted by (j, image), so that sums over contacts do not depend on the skin.
 struct NeighborList {
   std::vector<int> row_start;  // N + 1
-  std::vector<int> j;
+  std::vector<int> i, j;
   std::vector<Image> image;
 
   int num_pairs() const { return static_cast<int>(j.size()); }

@@ -106,8 +106,9 @@ void Packing::Perturb(double amplitude, std::uint64_t seed) {
   }
 }
 
-void Packing::Wrap() {
+std::vector<Image> Packing::Wrap() {
   const int d = dimension();
+  std::vector<Image> moved_by(size());
   for (int i = 0; i < size(); ++i) {
     const Image n = box.CellOf(positions.col(i).data());
     for (int k = 0; k < d; ++k) {
@@ -120,7 +121,9 @@ void Packing::Wrap() {
       }
       if (moved) SetPosition(i, k, x);
     }
+    moved_by[i] = n;
   }
+  return moved_by;
 }
 
 SmallMatrix SimpleShear(int dimension, double gamma) {

@@ -62,8 +62,9 @@ struct Packing {
   // coordinate. The same seed gives the same numbers on every machine.
   void Perturb(double amplitude, std::uint64_t seed);
 
-  // Moves every grain into the cell (exactly, by lattice vectors).
-  void Wrap();
+  // Moves every grain into the cell (exactly, by lattice vectors); returns n_i of
+  // x_i <- x_i - H n_i.
+  std::vector<Image> Wrap();
 };
 
 // D = 1 + gamma e_1 (x) e_2 (sec. 2.3) and D = diag(1 + gamma, 1 / (1 + gamma))

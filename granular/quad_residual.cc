@@ -34,6 +34,10 @@ bool EvaluateQuad(const Packing& packing,
                   QuadResidual* result,
                   std::string* error) {
   if (!packing.IsValid(error)) return false;
+  if (!(options.alpha >= 2.0)) {
+    *error = "alpha = " + std::to_string(options.alpha) + " must be >= 2";
+    return false;
+  }
   const int d = packing.dimension();
   const int n = packing.size();
   std::vector<Quad> x(static_cast<std::size_t>(d) * n);
@@ -43,7 +47,13 @@ bool EvaluateQuad(const Packing& packing,
       const DoubleDouble p = packing.Position(i, k);
       Quad& coordinate = x[d * i + k];
       coordinate = Quad(p.hi) + Quad(p.lo);
-      if (displacements != nullptr) coordinate += displacements[d * i + k];
+      if (displacements != nullptr) {
+        if (!std::isfinite(displacements[d * i + k])) {
+          *error = "a displacement is not finite";
+          return false;
+        }
+        coordinate += displacements[d * i + k];
+      }
       rounded(k, i) = static_cast<double>(coordinate);
     }
   }

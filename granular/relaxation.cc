@@ -21,6 +21,13 @@ bool Relax(const Packing& start,
   energy->Recenter(u.data());
   relaxation.packing = energy->Configuration(u.data());
   relaxation.contacts = energy->Contacts(u.data());
+  // Images are those of the wrapped grains.
+  const std::vector<Image> moved_by = relaxation.packing.Wrap();
+  for (Contact& c : relaxation.contacts) {
+    for (int k = 0; k < 3; ++k) {
+      c.id.image[k] += moved_by[c.id.i][k] - moved_by[c.id.j][k];
+    }
+  }
   double value = 0.0;
   energy->EvaluateWithScales(u.data(), &value, nullptr, nullptr);
   relaxation.observables =

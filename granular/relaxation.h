@@ -14,7 +14,7 @@
 namespace granopt {
 
 struct Relaxation {
-  Packing packing;  // the minimizer C_eq = arg min E(phi, C_ref)
+  Packing packing;  // the minimizer C_eq = arg min E(phi, C_ref), wrapped
   std::vector<Contact> contacts;
   Observables observables;
   Summary summary;

@@ -48,19 +48,21 @@ class ScaledFunction : public ceres::FirstOrderFunction {
       : monitor_(monitor),
         units_(units),
         anchor_(anchor),
-        x_(monitor->n()),
-        gradient_(monitor->n()) {}
+        x_(monitor->n()) {}
 
   bool Evaluate(const double* const y,
                 double* cost,
                 double* gradient) const override {
-    // A line search cannot be interrupted but by a point that does not exist.
-    if (monitor_->stopped() || monitor_->BudgetSpent()) return false;
     const int n = monitor_->n();
     for (int i = 0; i < n; ++i) x_[i] = units_.length * y[i];
-    double* g = gradient;
-    if (g == nullptr && anchor_ != nullptr) g = gradient_.data();
-    if (!monitor_->Evaluate(x_.data(), cost, g, nullptr)) return false;
+    // A line search cannot be interrupted but by a point that does not exist.
+    if (!monitor_->IsCached(x_.data()) &&
+        (monitor_->stopped() || monitor_->BudgetSpent())) {
+      return false;
+    }
+    const double* g;
+    Scales scales;
+    if (!monitor_->EvaluateCached(x_.data(), cost, &g, &scales)) return false;
     if (anchor_ != nullptr) {
       double change = *cost - anchor_->cost;
       if (std::abs(change) <= kLostDifference * std::abs(anchor_->cost)) {
@@ -76,7 +78,7 @@ class ScaledFunction : public ceres::FirstOrderFunction {
     }
     if (gradient != nullptr) {
       const double factor = units_.cost * units_.length;
-      for (int i = 0; i < n; ++i) gradient[i] *= factor;
+      for (int i = 0; i < n; ++i) gradient[i] = factor * g[i];
     }
     return true;
   }
@@ -87,7 +89,7 @@ class ScaledFunction : public ceres::FirstOrderFunction {
   Monitor* monitor_;
   const Units units_;
   const Anchor* anchor_;  // may be null
-  mutable std::vector<double> x_, gradient_;
+  mutable std::vector<double> x_;
 };
 
 class Callback : public ceres::IterationCallback {
@@ -96,24 +98,24 @@ class Callback : public ceres::IterationCallback {
            const Units& units,
            const double* y,
            Anchor* anchor,
-           bool first_run,
            bool rescales)
       : monitor_(monitor),
         units_(units),
         y_(y),
         anchor_(anchor),
-        skip_start_(!first_run),
         rescales_(rescales),
-        x_(monitor->n()) {}
+        x_(monitor->n()) {
+    for (int i = 0; i < monitor->n(); ++i) x_[i] = units.length * y[i];
+  }
 
   ceres::CallbackReturnType operator()(
       const ceres::IterationSummary& summary) override {
-    // After a restart Ceres reports the start again, which is no new iterate.
-    if (summary.iteration == 0 && skip_start_) {
-      return ceres::SOLVER_CONTINUE;
-    }
+    // The start, which is no new iterate.
+    if (summary.iteration == 0) return ceres::SOLVER_CONTINUE;
     if (AcceptCurrent()) return Interrupt(Interruption::STOPPED);
-    if (monitor_->WantsRebase()) return Interrupt(Interruption::REBASE);
+    if (monitor_->WantsRebase() && monitor_->Rebase(x_.data())) {
+      return Interrupt(Interruption::REBASE);
+    }
     // In these units the active terms are about one length unit each.
     if (rescales_ && monitor_->scales().length > 0.0 &&
         monitor_->scales().length < std::exp2(-10) * units_.length) {
@@ -142,6 +144,14 @@ class Callback : public ceres::IterationCallback {
     return monitor_->Accept(x_.data(), cost, gradient, scales);
   }
 
+  // True if Ceres' current point is not the last one accepted.
+  bool HasMoved() const {
+    for (int i = 0; i < monitor_->n(); ++i) {
+      if (units_.length * y_[i] != x_[i]) return true;
+    }
+    return false;
+  }
+
   Interruption interruption() const { return interruption_; }
 
  private:
@@ -154,7 +164,6 @@ class Callback : public ceres::IterationCallback {
   const Units units_;
   const double* y_;  // kept current by update_state_every_iteration
   Anchor* anchor_;   // may be null
-  const bool skip_start_;
   const bool rescales_;
   std::vector<double> x_;
   Interruption interruption_ = Interruption::NONE;
@@ -242,13 +251,10 @@ Summary CeresLineSearch::Minimize(FirstOrderFunction* function,
     return monitor.Finish(x);
   }
   std::vector<double> y(n);
-  bool first_run = true;
   int restarts_left = restarts_;
   double residual_before = std::numeric_limits<double>::infinity();
-  if (n == 0) {
-    monitor.Accept(x, cost, gradient, scales);
-    return monitor.Finish(x);
-  }
+  if (monitor.Accept(x, cost, gradient, scales)) return monitor.Finish(x);
+  monitor.Recenter(x);
 
   while (!monitor.stopped()) {
     const Units units = scaled_ ? ChooseUnits(monitor, scales) : Units();
@@ -260,8 +266,7 @@ Summary CeresLineSearch::Minimize(FirstOrderFunction* function,
       anchor.cost = cost;
     }
     Anchor* const used_anchor = differences_ ? &anchor : nullptr;
-    Callback callback(
-        &monitor, units, y.data(), used_anchor, first_run, scaled_);
+    Callback callback(&monitor, units, y.data(), used_anchor, scaled_);
     ceres::GradientProblemSolver::Options run_options = ceres_options_;
     run_options.callbacks.push_back(&callback);
     const std::unique_ptr<ceres::GradientProblem> problem =
@@ -270,23 +275,28 @@ Summary CeresLineSearch::Minimize(FirstOrderFunction* function,
     ceres::GradientProblemSolver::Summary ceres_summary;
     ceres::Solve(run_options, *problem, y.data(), &ceres_summary);
 
-    // Ceres may have returned before it called back: at the start, or with a
-    // last step that its own tests accepted.
+    // Ceres may have returned, with a last step that its own tests accepted,
+    // before it called back.
     if (callback.interruption() == Interruption::NONE && !monitor.stopped()) {
-      if (ceres_summary.IsSolutionUsable()) callback.AcceptCurrent();
+      if (ceres_summary.IsSolutionUsable() && callback.HasMoved()) {
+        callback.AcceptCurrent();
+      }
     }
-    first_run = false;
     if (monitor.stopped()) break;
 
     const double residual = monitor.max_gradient();
     for (int i = 0; i < n; ++i) x[i] = units.length * y[i];
     switch (callback.interruption()) {
       case Interruption::REBASE:
-        monitor.Rebase(x);
+        std::fill(x, x + n, 0.0);
         break;
       case Interruption::RESCALE:
         break;
       default:
+        if (monitor.LastEvaluationFailed()) {
+          monitor.FailEvaluation();
+          return monitor.Finish(x);
+        }
         // A fresh history helps only while it still gains something.
         if (restarts_left == 0 || residual > 0.5 * residual_before) {
           monitor.GiveUp("Ceres: " + ceres_summary.message);

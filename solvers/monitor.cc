@@ -134,55 +134,59 @@ bool Monitor::Evaluate(const double* x,
                        double* gradient,
                        Scales* scales) {
   ++counters_.evaluations;
-  const auto named = [this](const char* what, double value) {
-    not_finite_ =
-        Format("%s = %g at evaluation %lld",
-               what,
-               value,
-               static_cast<long long>(counters_.evaluations));
+  // Of failures in a row the first is named.
+  const auto fail = [this](const std::string& what) {
+    if (not_finite_.empty()) not_finite_ = what;
     return false;
+  };
+  const auto named = [&](const char* what, double value) {
+    return fail(Format("%s = %g at evaluation %lld",
+                       what,
+                       value,
+                       static_cast<long long>(counters_.evaluations)));
   };
   const int bad_x = FirstNotFinite(x, n_);
   if (bad_x >= 0) return named(Format("x[%d]", bad_x).c_str(), x[bad_x]);
 
   const double before = Seconds();
-  const bool defined = function_->EvaluateWithScales(
-      x, cost, gradient, &cache_scales_);
+  Scales here;
+  const bool defined = function_->EvaluateWithScales(x, cost, gradient, &here);
   function_seconds_ += Seconds() - before;
-  if (scales != nullptr) *scales = cache_scales_;
+  if (scales != nullptr) *scales = here;
   if (gradient != nullptr) {
     cache_valid_ = false;
   }
   if (!defined) {
-    not_finite_ = Format("the function refused evaluation %lld",
-                         static_cast<long long>(counters_.evaluations));
-    return false;
+    return fail(Format("the function refused evaluation %lld",
+                       static_cast<long long>(counters_.evaluations)));
   }
   if (!std::isfinite(*cost)) return named("cost", *cost);
-  if (gradient == nullptr) {
-    // The scales that go with the cached gradient are gone.
-    cache_valid_ = false;
-    return true;
-  }
-  const int bad_g = FirstNotFinite(gradient, n_);
+  const int bad_g = gradient == nullptr ? -1 : FirstNotFinite(gradient, n_);
   if (bad_g >= 0) {
     return named(Format("gradient[%d]", bad_g).c_str(), gradient[bad_g]);
   }
+  not_finite_.clear();
+  if (gradient == nullptr) return true;
   std::copy(x, x + n_, cache_x_.begin());
   std::copy(gradient, gradient + n_, cache_gradient_.begin());
   cache_cost_ = *cost;
+  cache_scales_ = here;
   cache_valid_ = true;
   return true;
+}
+
+bool Monitor::IsCached(const double* x) const {
+  return cache_valid_ &&
+         std::memcmp(x, cache_x_.data(), sizeof(double) * n_) == 0;
 }
 
 bool Monitor::EvaluateCached(const double* x,
                              double* cost,
                              const double** gradient,
                              Scales* scales) {
-  if (!cache_valid_ ||
-      std::memcmp(x, cache_x_.data(), sizeof(double) * n_) != 0) {
-    std::vector<double> fresh(n_);
-    if (!Evaluate(x, cost, fresh.data(), scales)) return false;
+  if (!IsCached(x)) {
+    scratch_.resize(n_);
+    if (!Evaluate(x, cost, scratch_.data(), scales)) return false;
   }
   *cost = cache_cost_;
   *gradient = cache_gradient_.data();

@@ -37,6 +37,9 @@ class Monitor {
   // finite. The last point evaluated with a gradient is cached.
   bool Evaluate(const double* x, double* cost, double* gradient, Scales* scales);
 
+  // True if x is, bit for bit, the last point evaluated with a gradient.
+  bool IsCached(const double* x) const;
+
   // Cost, gradient and scales at x from the cache if x was the last point
   // evaluated, else by a counted evaluation.
   bool EvaluateCached(const double* x,
@@ -59,6 +62,7 @@ class Monitor {
   void GiveUp(const std::string& why);
   // The method cannot go on since the last evaluation was not finite.
   void FailEvaluation();
+  bool LastEvaluationFailed() const { return !not_finite_.empty(); }
 
   // Calls function->Recenter(x), counted.
   void Recenter(const double* x);
@@ -103,6 +107,7 @@ class Monitor {
   std::vector<double> cache_x_, cache_gradient_;
   double cache_cost_ = 0.0;
   Scales cache_scales_;
+  std::vector<double> scratch_;
 
   double last_max_gradient_ = 0.0;
   double last_max_x_ = 0.0;

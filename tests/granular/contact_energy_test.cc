@@ -885,6 +885,7 @@ TEST(ContactEnergy, RebaseKeepsTheConfiguration) {
       std::vector<double> u = RandomVector(n, amplitude, 20);
       const Evaluation e = Evaluate(*energy, u);
       const Packing before = energy->Configuration(u.data());
+      energy->Recenter(u.data());  // the reference must follow the new origin
       EXPECT_TRUE(energy->Rebase(u.data()));
       EXPECT_EQ(u, std::vector<double>(n, 0.0));
       const Packing after = energy->Configuration(u.data());
@@ -1345,6 +1346,19 @@ TEST(ContactEnergy, CoincidentGrainsHaveEnergyButNoForce) {
         // And the recentred function.
         if (energy->Recenter(u.data())) {
           EXPECT_DOUBLE_EQ(Evaluate(*energy, u).energy, expected);
+        }
+        // So close that the square of the distance underflows: the direction may
+        // be lost, the force does not exceed its size.
+        for (const double hair : {1e-162, 1e-200, 1e-300, 5e-324}) {
+          std::vector<double> w = u;
+          if (apart != 0.0) break;  // u + hair = u
+          w[d - 1] += hair;
+          const Evaluation e = Evaluate(*energy, w);
+          EXPECT_TRUE(e.ok);
+          EXPECT_DOUBLE_EQ(e.energy, expected);
+          EXPECT_LE(MaxAbs(e.gradient),
+                    (1.0 + 1e-6) * std::pow(1.25, alpha - 1.0))
+              << "at a distance of " << hair;
         }
         // A hair apart there is a direction again.
         u[0] += 1e-9;

@@ -172,25 +172,27 @@ TEST(NeighborList, OneToThreeGrainsInShortCellsSeeAllTheirImages) {
   for (const int d : {2, 3}) {
     std::uint64_t seed = 70;
     for (const Box& box : Cells(d)) {
+      Eigen::Matrix3i transform;
+      const Box reduced = box.Reduced(&transform);
+      double height = reduced.Height(0);
+      for (int k = 1; k < d; ++k) height = std::min(height, reduced.Height(k));
       for (const int n : {1, 2, 3}) {
-        // Up to four of the shortest heights from centre to centre.
+        // Up to four of the shortest heights from centre to centre, grains of
+        // about one size or each a fifth of the one before.
         for (const double range : {0.9, 1.4, 2.2, d == 2 ? 4.0 : 2.9}) {
-          SCOPED_TRACE(testing::Message() << "cell " << box.edges() << ", "
-                                          << n << " grains, range " << range);
-          Eigen::Matrix3i transform;
-          const Box reduced = box.Reduced(&transform);
-          double height = reduced.Height(0);
-          for (int k = 1; k < d; ++k) {
-            height = std::min(height, reduced.Height(k));
-          }
-          Eigen::VectorXd radii(n);
-          for (int i = 0; i < n; ++i) {
-            radii[i] = 0.5 * range * height * (1.0 - 0.13 * i);
-          }
-          const int pairs = ExpectMatchesOracle(
-              box, RandomPositions(box, n, ++seed), radii, 0.05 * radii[0]);
-          if (range > 1.0) {
-            EXPECT_GE(pairs, 1) << "a grain touches itself";
+          for (const double ratio : {0.87, 0.2}) {
+            SCOPED_TRACE(testing::Message()
+                         << "cell " << box.edges() << ", " << n
+                         << " grains, range " << range << ", ratio " << ratio);
+            Eigen::VectorXd radii(n);
+            for (int i = 0; i < n; ++i) {
+              radii[i] = 0.5 * range * height * std::pow(ratio, i);
+            }
+            const int pairs = ExpectMatchesOracle(
+                box, RandomPositions(box, n, ++seed), radii, 0.05 * radii[0]);
+            if (range > 1.0) {
+              EXPECT_GE(pairs, 1) << "a grain touches itself";
+            }
           }
         }
       }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <regex>
 #include <set>
 #include <string>
 #include <vector>
@@ -62,12 +61,13 @@ TEST(Registry, HasOneMethodForEachFile) {
 }
 
 TEST(Registry, EveryMethodSaysWhatItIs) {
-  const std::regex year("[( ](1[89]|20)[0-9][0-9]");
   for (const SolverInfo& info : ListSolvers()) {
     SCOPED_TRACE(info.name);
     EXPECT_FALSE(info.summary.empty());
     EXPECT_EQ(info.summary.find('\n'), std::string::npos);
-    EXPECT_TRUE(std::regex_search(info.citation, year)) << info.citation;
+    // A paper, or a program and its version.
+    EXPECT_NE(info.citation.find_first_of("0123456789"), std::string::npos)
+        << info.citation;
     std::set<std::string> keys;
     for (const Parameters::Spec& option : info.options) {
       SCOPED_TRACE(option.key);

@@ -1,0 +1,251 @@
+// Runs the experiment binaries the way a user does: good input, bad input, exit
+// statuses, files.
+
+#include <sys/stat.h>
+#include <sys/wait.h>
+
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "nlohmann/json.hpp"
+
+#include "granular/packing_io.h"
+
+namespace granopt {
+namespace {
+
+struct Outcome {
+  int status = -1;
+  std::string out, err;
+};
+
+std::string Slurp(const std::string& path) {
+  std::ifstream file(path);
+  std::stringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+bool Exists(const std::string& path) {
+  struct stat status;
+  return stat(path.c_str(), &status) == 0;
+}
+
+int Lines(const std::string& text) {
+  int count = 0;
+  for (const char c : text) count += c == '\n';
+  return count;
+}
+
+class Cli : public testing::Test {
+ protected:
+  void SetUp() override {
+    char name[] = "/tmp/granopt_cli_XXXXXX";
+    ASSERT_NE(mkdtemp(name), nullptr);
+    folder_ = name;
+  }
+  void TearDown() override {
+    const std::string command = "rm -rf '" + folder_ + "'";
+    EXPECT_EQ(std::system(command.c_str()), 0);
+  }
+
+  // Runs in folder_; results go to folder_/out unless the arguments say other.
+  Outcome Do(const std::string& binary, const std::string& arguments) {
+    const std::string command = "cd '" + folder_ + "' && " GRANOPT_BINARIES "/" +
+                                binary + " --nopictures " + arguments +
+                                " > stdout.txt 2> stderr.txt < /dev/null";
+    Outcome run;
+    const int status = std::system(command.c_str());
+    run.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    run.out = Slurp(folder_ + "/stdout.txt");
+    run.err = Slurp(folder_ + "/stderr.txt");
+    return run;
+  }
+
+  void ExpectRefused(const std::string& binary,
+                     const std::string& arguments,
+                     const std::string& words) {
+    const Outcome run = Do(binary, arguments);
+    EXPECT_EQ(run.status, 2) << binary << " " << arguments;
+    EXPECT_EQ(Lines(run.err), 1) << run.err;
+    EXPECT_NE(run.err.find(words), std::string::npos)
+        << binary << " " << arguments << "\n got: " << run.err;
+    EXPECT_FALSE(Exists(folder_ + "/out")) << arguments;
+  }
+
+  std::string File(const std::string& name, const std::string& content) {
+    std::ofstream(folder_ + "/" + name) << content;
+    return name;
+  }
+
+  std::string folder_;
+};
+
+const char kHeader[] =
+    "Lattice=\"1 0 0 0 1 0 0 0 1\" Properties=species:S:1:pos:R:3:radius:R:1 "
+    "pbc=\"T T F\"\n";
+
+TEST_F(Cli, RelaxFollowsItsInterface) {
+  const Outcome run = Do("relax",
+                     "--input=" GRANOPT_TEST_DATA
+                     "/n256_phi0.8438_a2_relaxed.xyz --perturb=1e-5 --out=out");
+  ASSERT_EQ(run.status, 0) << run.out << run.err;
+  const auto json = nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
+  for (const char* key :
+       {"solver", "converged", "stop_reason", "iterations", "evaluations",
+        "hessians", "factorizations", "seconds", "energy", "max_gradient",
+        "mean_force", "pressure", "shear_stress", "coordination", "contacts",
+        "rattlers", "phi", "schema"}) {
+    EXPECT_TRUE(json.contains(key)) << key;
+  }
+  EXPECT_TRUE(json["converged"].get<bool>());
+  // The state that the independent program found: 3.25091e-06, 1.57304e-3.
+  EXPECT_NEAR(json["energy"].get<double>(), 3.25091e-06, 0.5e-11);
+  EXPECT_NEAR(json["pressure"].get<double>(), 1.57304e-3, 0.5e-8);
+  EXPECT_EQ(json["rattlers"].get<int>(), 2);
+  EXPECT_LE(json["quad_relative_residual"].get<double>(), 2e-10);
+  // The packing written is the packing reported.
+  Packing packing;
+  std::string error;
+  ASSERT_TRUE(ReadPacking(folder_ + "/out/packing.xyz", &packing, &error))
+      << error;
+  EXPECT_EQ(packing.size(), 256);
+  EXPECT_EQ(packing.PackingFraction(), json["phi"].get<double>());
+  EXPECT_FALSE(json["provenance"]["compiler"].get<std::string>().empty());
+  EXPECT_GT(Lines(Slurp(folder_ + "/out/trace.csv")), 10);
+}
+
+TEST_F(Cli, RelaxIsDeterministicAndReadsItsOwnOutputExactly) {
+  ASSERT_EQ(Do("relax", "--particles=64 --phi=0.86 --seed=4 --out=a").status, 0);
+  ASSERT_EQ(Do("relax", "--particles=64 --phi=0.86 --seed=4 --out=b").status, 0);
+  EXPECT_EQ(Slurp(folder_ + "/a/packing.xyz"), Slurp(folder_ + "/b/packing.xyz"));
+  // What was written, low parts included, is still converged when read.
+  const Outcome run = Do("relax", "--input=a/packing.xyz --out=c");
+  ASSERT_EQ(run.status, 0) << run.out;
+  const auto json = nlohmann::json::parse(Slurp(folder_ + "/c/summary.json"));
+  EXPECT_EQ(json["iterations"].get<int>(), 0);
+}
+
+TEST_F(Cli, RelaxReportsFailureWithResultsWritten) {
+  const Outcome run = Do("relax", "--particles=64 --phi=0.9 --max_evaluations=5 --out=out");
+  EXPECT_EQ(run.status, 1);
+  const auto json = nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
+  EXPECT_FALSE(json["converged"].get<bool>());
+  EXPECT_EQ(json["stop_reason"].get<std::string>(), "MAX_EVALUATIONS");
+  EXPECT_TRUE(Exists(folder_ + "/out/packing.xyz"));
+}
+
+TEST_F(Cli, RelaxAppliesItsLoads) {
+  const std::string input =
+      "--input=" GRANOPT_TEST_DATA "/n256_phi0.8438_a2_relaxed.xyz ";
+  const auto phi = [&](const std::string& load) {
+    EXPECT_EQ(Do("relax", input + load + " --max_evaluations=1 --out=out").status, 1);
+    return nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
+  };
+  EXPECT_NEAR(phi("--radius_factor=1.01")["phi"].get<double>(),
+              0.8438 * 1.01 * 1.01,
+              1e-12);
+  EXPECT_NEAR(phi("--simple_shear=0.01")["phi"].get<double>(), 0.8438, 1e-12);
+  const auto sheared = phi("--pure_shear=0.01");
+  EXPECT_NEAR(sheared["phi"].get<double>(), 0.8438, 1e-12);
+  EXPECT_GT(sheared["deviatoric_stress"].get<double>(), 1e-3);
+}
+
+TEST_F(Cli, AbsoluteToleranceIsInUnitsOfTheBox) {
+  ASSERT_EQ(Do("relax",
+               "--particles=64 --phi=0.86 --absolute_tolerance=1e-9 --out=out")
+                .status,
+            0);
+  const auto json = nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
+  EXPECT_LE(json["max_gradient"].get<double>(), 1e-9);
+}
+
+TEST_F(Cli, BadInputIsOneLineAndLeavesNothing) {
+  File("count.xyz", std::string("two\n") + kHeader);
+  File("short.xyz", std::string("2\n") + kHeader + "A 0.1 0.1 0 0.1\n");
+  File("nan.xyz", std::string("1\n") + kHeader + "A nan 0.1 0 0.1\n");
+  File("radius.xyz", std::string("1\n") + kHeader + "A 0.1 0.1 0 -0.1\n");
+  File("zero.xyz", std::string("0\n") + kHeader);
+  File("absurd.xyz", std::string("999999999999\n") + kHeader);
+  File("huge.xyz", std::string("1\n") + kHeader + "A 0.1 0.1 0 100\n");
+  File("cell.xyz",
+       "1\nLattice=\"1 0 0 1 0 0 0 0 1\" "
+       "Properties=species:S:1:pos:R:3:radius:R:1 pbc=\"T T F\"\n"
+       "A 0.1 0.1 0 0.1\n");
+  for (const char* binary : {"relax", "jamming"}) {
+    const std::string b = binary;
+    ExpectRefused(b, "--input=none.xyz --out=out", "none.xyz: cannot read");
+    ExpectRefused(b, "--input=count.xyz --out=out", "count.xyz:1:");
+    ExpectRefused(b, "--input=short.xyz --out=out", "short.xyz:3:");
+    ExpectRefused(b, "--input=nan.xyz --out=out", "nan.xyz:3: pos = 'nan'");
+    ExpectRefused(b, "--input=radius.xyz --out=out", "radius = '-0.1'");
+    ExpectRefused(b, "--input=zero.xyz --out=out", "zero.xyz:1:");
+    ExpectRefused(b, "--input=absurd.xyz --out=out", "999999999999");
+    ExpectRefused(b, "--input=huge.xyz --out=out", "images");
+    ExpectRefused(b, "--input=cell.xyz --out=out", "cell.xyz:2:");
+    ExpectRefused(b, "--alpha=1.5 --out=out", "--alpha=1.5");
+    ExpectRefused(b, "--particles=0 --out=out", "particles");
+    ExpectRefused(b, "--dimension=4 --out=out", "dimension");
+    ExpectRefused(b, "--solver=magic --out=out", "unknown solver 'magic'");
+    ExpectRefused(b, "--solver=ceres_lbfgs:m=3 --out=out", "unknown option 'm'");
+    ExpectRefused(b, "--tolerance=0 --out=out", "--tolerance=0");
+    ExpectRefused(b, "--tolerance=nan --out=out", "--tolerance");
+    ExpectRefused(b, "--particles=many --out=out", "many");
+    ExpectRefused(b, "--nonsense=1 --out=out", "nonsense");
+    ExpectRefused(b, "stray --out=out", "stray");
+    File("occupied", "a file where a folder should be\n");
+    ExpectRefused(b, "--particles=8 --out=occupied", "occupied");
+    ExpectRefused(b, "--particles=8 --out=occupied/deeper", "occupied");
+    ExpectRefused(b, "--particles=8 --input=nan.xyz --out=out", "--particles");
+  }
+  ExpectRefused("relax", "--phi=0 --out=out", "phi");
+  ExpectRefused("relax", "--phi=-1 --out=out", "phi");
+  ExpectRefused("relax", "--radius_factor=0 --out=out", "--radius_factor=0");
+  ExpectRefused("relax", "--pure_shear=-1 --out=out", "--pure_shear=-1");
+  ExpectRefused("relax", "--perturb=nan --out=out", "--perturb");
+  ExpectRefused("jamming", "--phi_init=-0.5 --out=out", "phi_init");
+  ExpectRefused("jamming", "--dphi=0 --out=out", "--dphi=0");
+  ExpectRefused("jamming", "--epsilon=0 --out=out", "--epsilon=0");
+}
+
+TEST_F(Cli, HelpAndTheListOfSolversExitWithZero) {
+  Outcome run = Do("relax", "--help");
+  EXPECT_EQ(run.status, 0);
+  EXPECT_NE(run.out.find("--absolute_tolerance"), std::string::npos);
+  run = Do("jamming", "--list_solvers");
+  EXPECT_EQ(run.status, 0);
+  EXPECT_NE(run.out.find("ceres_ncg"), std::string::npos);
+  EXPECT_FALSE(Exists(folder_ + "/out"));
+}
+
+TEST_F(Cli, JammingSmokeRunFindsAnIsostaticState) {
+  const Outcome run = Do("jamming", "--smoke --seed=2 --out=out");
+  ASSERT_EQ(run.status, 0) << run.out << run.err;
+  const auto json = nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
+  EXPECT_TRUE(json["converged"].get<bool>());
+  EXPECT_NEAR(json["phi_j"].get<double>(), 0.83, 0.03);
+  EXPECT_LE(json["phi_j_error"].get<double>(), 1e-6);
+  const auto& state = json["state"];
+  EXPECT_GE(state["rigid_contacts"].get<int>(),
+            state["isostatic_contacts"].get<int>());
+  for (const char* name : {"packing.xyz", "contacts.csv", "path.csv",
+                           "stage_initial.xyz", "stage_unjammed.xyz"}) {
+    EXPECT_TRUE(Exists(folder_ + "/out/" + name)) << name;
+  }
+}
+
+TEST_F(Cli, JammingOfAJammedStartSaysSo) {
+  const Outcome run = Do("jamming", "--particles=64 --phi_init=0.9 --out=out");
+  EXPECT_EQ(run.status, 1);
+  EXPECT_NE(run.err.find("jammed already at phi_init = 0.9"), std::string::npos)
+      << run.err;
+}
+
+}  // namespace
+}  // namespace granopt
