@@ -1,0 +1,154 @@
+#include "granular/relaxation.h"
+
+#include <cmath>
+#include <memory>
+#include <string>
+
+#include "granular/packing_generator.h"
+#include "granular/packing_io.h"
+#include "granular/quad_residual.h"
+#include "gtest/gtest.h"
+#include "solvers/registry.h"
+
+namespace granopt {
+namespace {
+
+std::unique_ptr<Solver> MakeSolver() {
+  std::string error;
+  auto solver =
+      CreateSolver("ceres_lbfgs:scaled=1,differences=1,restarts=10", &error);
+  EXPECT_NE(solver, nullptr) << error;
+  return solver;
+}
+
+Packing Read(const std::string& name) {
+  Packing packing;
+  std::string error;
+  EXPECT_TRUE(
+      ReadPacking(std::string(GRANOPT_TEST_DATA "/") + name, &packing, &error))
+      << error;
+  return packing;
+}
+
+// Displaced by a little, a packing finds back to the state that an independent
+// program found, and to forces that quadruple precision calls balanced: also at
+// p = 1e-8, where plain coordinates end at 1e-6 mean forces.
+TEST(Relaxation, FindsBackToIndependentStatesExactly) {
+  struct Case {
+    const char* file;
+    double alpha, overlaps;
+  };
+  for (const Case& c : {Case{"n256_phi0.8438_a2_relaxed.xyz", 2.0, 0.3},
+                        Case{"n256_phi0.8438_a2.5_relaxed.xyz", 2.5, 0.1},
+                        Case{"n1024_a2_p1e-04.xyz", 2.0, 0.1},
+                        Case{"n1024_a2_p1e-08.xyz", 2.0, 0.1}}) {
+    SCOPED_TRACE(c.file);
+    const Packing state = Read(c.file);
+    ContactEnergyOptions options;
+    options.alpha = c.alpha;
+    std::string error;
+    QuadResidual before;
+    ASSERT_TRUE(EvaluateQuad(state, options, nullptr, &before, &error));
+    const double overlap = std::pow(before.mean_force, 1.0 / (c.alpha - 1.0));
+    Packing start = state;
+    start.Perturb(c.overlaps * overlap, 7);
+    SolveOptions solve;
+    solve.relative_tolerance = 1e-12;
+    Relaxation result;
+    ASSERT_TRUE(
+        Relax(start, options, *MakeSolver(), solve, &result, &error))
+        << error;
+    EXPECT_EQ(result.summary.reason, StopReason::CONVERGED)
+        << result.summary.BriefReport();
+    QuadResidual after;
+    ASSERT_TRUE(EvaluateQuad(result.packing, options, nullptr, &after, &error));
+    EXPECT_LE(after.max_gradient, 1.01e-12 * after.mean_force);
+    EXPECT_NEAR(after.energy, before.energy, 1e-6 * before.energy);
+    EXPECT_NEAR(result.observables.energy, after.energy, 1e-13 * after.energy);
+    // The packing is in its cell, and images are those of the wrapped grains.
+    for (const Contact& contact : result.contacts) {
+      SmallVector r = result.packing.positions.col(contact.id.i) -
+                      result.packing.positions.col(contact.id.j);
+      for (int k = 0; k < 2; ++k) {
+        r += result.packing.box.edges().col(k) * contact.id.image[k];
+      }
+      EXPECT_LT((r - contact.distance * contact.normal).norm(), 1e-14);
+    }
+    EXPECT_GE(result.packing.positions.minCoeff(), 0.0);
+    EXPECT_LE(result.packing.positions.maxCoeff(), 1.0);
+  }
+}
+
+// Below jamming the energy goes to zero, and the summary says so.
+TEST(Relaxation, DilutePackingVanishes) {
+  GeneratorOptions generator;
+  generator.particles = 64;
+  generator.packing_fraction = 0.5;
+  for (const int dimension : {2, 3}) {
+    generator.dimension = dimension;
+    Packing start;
+    std::string error;
+    ASSERT_TRUE(GeneratePacking(generator, &start, &error));
+    Relaxation result;
+    ASSERT_TRUE(
+        Relax(start, {}, *MakeSolver(), SolveOptions(), &result, &error));
+    EXPECT_EQ(result.summary.reason, StopReason::VANISHED)
+        << result.summary.BriefReport();
+    EXPECT_LT(result.observables.pressure, 1e-12);
+    // At its end already: nothing to do.
+    ASSERT_TRUE(Relax(
+        result.packing, {}, *MakeSolver(), SolveOptions(), &result, &error));
+    EXPECT_EQ(result.summary.reason, StopReason::VANISHED);
+    EXPECT_EQ(result.summary.counters.iterations, 0);
+  }
+}
+
+// One, two and three grains, free, touching or with rattlers.
+TEST(Relaxation, FewGrains) {
+  for (const int n : {1, 2, 3}) {
+    for (const double phi : {0.3, 0.7, 1.1}) {
+      GeneratorOptions generator;
+      generator.particles = n;
+      generator.packing_fraction = phi;
+      Packing start;
+      std::string error;
+      ASSERT_TRUE(GeneratePacking(generator, &start, &error));
+      Relaxation result;
+      ASSERT_TRUE(
+          Relax(start, {}, *MakeSolver(), SolveOptions(), &result, &error));
+      EXPECT_TRUE(result.summary.Succeeded())
+          << n << " " << phi << ": " << result.summary.BriefReport();
+    }
+  }
+}
+
+// Energies times 2^a and lengths times 2^b: the whole run, not just an evaluation,
+// finds the scaled packing to the accuracy asked for.
+TEST(Relaxation, ResultDoesNotDependOnUnits) {
+  const Packing packing = Read("n256_phi0.8438_a2_relaxed.xyz");
+  Packing start = packing;
+  start.Perturb(1e-5, 3);
+  const double length = std::ldexp(1.0, 20);
+  Packing scaled = start;
+  scaled.box = Box(length * start.box.edges());
+  scaled.positions *= length;
+  scaled.positions_low *= length;
+  scaled.radii *= length;
+  ContactEnergyOptions options, scaled_options;
+  scaled_options.stiffness = std::ldexp(1.0, -60);
+  SolveOptions solve;
+  solve.relative_tolerance = 1e-12;
+  Relaxation a, b;
+  std::string error;
+  ASSERT_TRUE(Relax(start, options, *MakeSolver(), solve, &a, &error));
+  ASSERT_TRUE(Relax(scaled, scaled_options, *MakeSolver(), solve, &b, &error));
+  EXPECT_TRUE(a.summary.Succeeded());
+  EXPECT_TRUE(b.summary.Succeeded());
+  EXPECT_NEAR(b.observables.pressure,
+              std::ldexp(a.observables.pressure, -60),
+              1e-10 * std::ldexp(a.observables.pressure, -60));
+  EXPECT_EQ(a.observables.rigid_contacts, b.observables.rigid_contacts);
+}
+
+}  // namespace
+}  // namespace granopt
