@@ -1,22 +1,25 @@
 // benchmark_kernels: energy and gradient of a relaxed packing against a plain
 // scalar loop over the same pairs, in one interleaved run.
 //
-//   benchmark_kernels --benchmark_enable_random_interleaving=true --benchmark_repetitions=9
+//   benchmark_kernels [PACKING.xyz] --benchmark_enable_random_interleaving=true
+//                     --benchmark_repetitions=9
 //
-// Each row is nanoseconds per grain. For instruction counts, which do not depend on
-// what else the machine does:
+// Counter: nanoseconds per grain. For instruction counts, which do not depend on what
+// else the machine does, start from a file (written by `relax --particles=4096`):
 //
 //   valgrind --tool=callgrind --toggle-collect='*TimedContactEnergy*'
-//            benchmark_kernels --benchmark_filter=ContactEnergy/4096
+//            benchmark_kernels PACKING.xyz --benchmark_filter=ContactEnergy/1
 //
-// The packing: 4096 discs (1:1, ratio 1.4) at phi = 0.8438 relaxed from a random
-// start; larger ones are its periodic copies.
+// The packing: discs in a square cell; without a file 4096 (1:1, ratio 1.4) at
+// phi = 0.8438, relaxed from a random start. Arguments count its periodic copies,
+// 1 and 64.
 
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <map>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "benchmark/benchmark.h"
@@ -24,6 +27,7 @@
 #include "granular/contact_energy.h"
 #include "granular/neighbor_list.h"
 #include "granular/packing_generator.h"
+#include "granular/packing_io.h"
 #include "granular/relaxation.h"
 #include "solvers/registry.h"
 
@@ -122,13 +126,35 @@ class PlainLoop {
   NeighborList list_;
 };
 
-const Packing& PackingOf(int grains) {
+std::string* InputFile() {
+  static std::string file;
+  return &file;
+}
+
+const Packing& PackingOf(int copies) {
   static std::map<int, Packing> packings;
-  if (packings.empty()) packings[4096] = RelaxedPacking();
-  const auto found = packings.find(grains);
+  if (packings.empty()) {
+    Packing& packing = packings[1];
+    std::string error;
+    if (InputFile()->empty()) {
+      packing = RelaxedPacking();
+    } else if (!ReadPacking(*InputFile(), &packing, &error)) {
+      std::fprintf(stderr, "benchmark_kernels: %s\n", error.c_str());
+      std::exit(2);
+    }
+    const SmallMatrix& edges = packing.box.edges();
+    if (packing.dimension() != 2 ||
+        edges != edges(0, 0) * SmallMatrix::Identity(2, 2)) {
+      std::fprintf(stderr,
+                   "benchmark_kernels: %s: the cell must be a square\n",
+                   InputFile()->c_str());
+      std::exit(2);
+    }
+  }
+  const auto found = packings.find(copies);
   if (found != packings.end()) return found->second;
-  const int copies = static_cast<int>(std::lround(std::sqrt(grains / 4096.0)));
-  return packings[grains] = Tiled(packings[4096], copies);
+  return packings[copies] =
+             Tiled(packings[1], static_cast<int>(std::lround(std::sqrt(copies))));
 }
 
 __attribute__((noinline)) double TimedContactEnergy(const ContactEnergy& energy,
@@ -145,9 +171,10 @@ __attribute__((noinline)) double TimedPlainLoop(const PlainLoop& loop,
   return loop(x, gradient);
 }
 
-void PerGrain(benchmark::State& state) {
+void PerGrain(benchmark::State& state, const Packing& packing) {
+  state.counters["grains"] = packing.size();
   state.counters["ns/grain"] = benchmark::Counter(
-      static_cast<double>(state.range(0)) * 1e-9,
+      1e-9 * packing.size(),
       benchmark::Counter::kIsIterationInvariantRate |
           benchmark::Counter::kInvert);
 }
@@ -162,7 +189,7 @@ void BM_ContactEnergy(benchmark::State& state) {
     benchmark::DoNotOptimize(
         TimedContactEnergy(*energy, u.data(), gradient.data()));
   }
-  PerGrain(state);
+  PerGrain(state, packing);
 }
 
 void BM_PlainLoop(benchmark::State& state) {
@@ -173,13 +200,22 @@ void BM_PlainLoop(benchmark::State& state) {
     benchmark::DoNotOptimize(
         TimedPlainLoop(loop, packing.positions.data(), gradient.data()));
   }
-  PerGrain(state);
+  PerGrain(state, packing);
 }
 
-BENCHMARK(BM_ContactEnergy)->Arg(4096)->Arg(262144);
-BENCHMARK(BM_PlainLoop)->Arg(4096)->Arg(262144);
+BENCHMARK(BM_ContactEnergy)->Arg(1)->Arg(64);
+BENCHMARK(BM_PlainLoop)->Arg(1)->Arg(64);
 
 }  // namespace
 }  // namespace granopt
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  benchmark::Initialize(&argc, argv);
+  if (argc > 2 || (argc == 2 && argv[1][0] == '-')) {
+    std::fprintf(stderr, "usage: %s [PACKING.xyz] [--benchmark_...]\n", argv[0]);
+    return 2;
+  }
+  if (argc == 2) *granopt::InputFile() = argv[1];
+  benchmark::RunSpecifiedBenchmarks();
+  return 0;
+}
