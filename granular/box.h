@@ -31,8 +31,9 @@ class Box {
   const SmallMatrix& edges() const { return edges_; }
   const SmallMatrix& inverse() const { return inverse_; }
 
-  // True if every entry is finite and |det H| > 1e-12 times the product of the
-  // edge lengths, below which inverse() has lost its digits.
+  // True if every entry is finite, |det H| > 1e-12 times the product of the edge
+  // lengths (below that inverse() has lost its digits) and the longest edge is less
+  // than 1e8 times the smallest height (above that images outgrow an int).
   bool IsValid() const;
 
   // |det H|: an area in 2D, a volume in 3D.

@@ -103,8 +103,11 @@ class Kernel final : public ContactKernel {
   ContactSums Sweep(const PairView& pairs,
                     const double* w,
                     double* gradient) const {
-    ContactSums sums;
-    const int m = pairs.row_start[pairs.num_grains];
+    const int n = pairs.num_grains;
+    const int m = pairs.row_start[n];
+    double* const pair_force = pairs.pair_force;
+    double energy = 0.0, force_sum = 0.0, overlap = 0.0, virial = 0.0;
+    std::int64_t contacts = 0;
     for (int p = 0; p < m; ++p) {
       const ReferencePair& ref = pairs.reference[p];
       const double* wi = w + D * pairs.i[p];
@@ -122,22 +125,22 @@ class Kernel final : public ContactKernel {
           std::max(ref.delta0 - change / (d + ref.d0), 0.0);
       const double k = kStiffness ? pairs.stiffness[p] : 1.0;
       const double force = k * law_.Force(delta);
-      sums.energy += k * law_.Energy(delta);
-      sums.force += force;
-      sums.overlap += delta;
-      sums.virial += force * d;
-      sums.contacts += delta > 0.0 ? 1 : 0;
+      energy += k * law_.Energy(delta);
+      force_sum += force;
+      overlap += delta;
+      virial += force * d;
+      contacts += delta > 0.0 ? 1 : 0;
       if (kGradient) {
         // Centres that coincide have no direction and get no force.
         const double f_over_d =
             force / (d > 0.0 ? d : std::numeric_limits<double>::infinity());
         for (int c = 0; c < D; ++c) {
-          pairs.pair_force[D * p + c] = f_over_d * r[c];
+          pair_force[D * p + c] = f_over_d * r[c];
         }
       }
     }
+    const ContactSums sums = {energy, force_sum, overlap, virial, contacts};
     if (!kGradient) return sums;
-    const int n = pairs.num_grains;
     std::fill(gradient, gradient + D * n, 0.0);
     for (int i = 0; i < n; ++i) {
       double gi[D];
@@ -146,7 +149,7 @@ class Kernel final : public ContactKernel {
         const int j = pairs.j[p];
         if (j == i) continue;  // pulls on itself from both sides
         for (int c = 0; c < D; ++c) {
-          const double f = pairs.pair_force[D * p + c];
+          const double f = pair_force[D * p + c];
           gi[c] -= f;
           gradient[D * j + c] += f;
         }

@@ -215,7 +215,7 @@ CeresLineSearch::CeresLineSearch(Parameters* parameters)
       differences_(parameters->Bool(
           "differences",
           false,
-          "small cost differences from gradients, by the trapezoidal rule")),
+          "small cost differences from gradients; wants restarts > 0")),
       restarts_(parameters->Int(
           "restarts",
           0,

@@ -78,7 +78,8 @@ struct SolveOptions {
   double relative_tolerance = 1e-10;
   double absolute_tolerance = 0.0;
 
-  // A run has vanished when cost == 0 or Scales::vanishing <= this.
+  // A run has vanished when cost == 0 with gradient 0, or
+  //   Scales::vanishing <= vanishing_tolerance.
   double vanishing_tolerance = 1e-13;
 
   std::int64_t max_iterations = std::numeric_limits<std::int64_t>::max();
