@@ -160,6 +160,7 @@ int Main() {
   Json json;
   json["found"] = found;
   json["converged"] = found && result.converged;
+  json["cycles"] = result.cycles;
   json["relaxations"] = result.relaxations;
   json["iterations"] = result.counters.iterations;
   json["evaluations"] = result.counters.evaluations;
@@ -246,6 +247,11 @@ int Main() {
               o.rattlers);
   std::printf("  residual      %.1e mean forces, judged in quadruple precision\n",
               judged);
+  if (result.cycles > 1) {
+    std::printf("  branches      %d: the earlier ones lost stability at a finite "
+                "pressure on the way down\n",
+                result.cycles);
+  }
   std::printf("  work          %d relaxations, %lld iterations, %lld evaluations, "
               "%.3g s\n",
               result.relaxations,

@@ -51,14 +51,38 @@ class Protocol {
     result_->start = state.packing;
     result_->unjammed = state.packing;
 
-    // Increment step.
-    double phi_ref = options_.phi_init;
     Packing reference = state.packing;
-    phi_unjammed_ = phi_ref;
+    phi_unjammed_ = options_.phi_init;
+    for (int cycle = 1;; ++cycle) {
+      if (!Grow(&reference) || !Bisect(&reference)) return false;
+      result_->cycles = cycle;
+      result_->phi_cr = phi_jammed_;
+      UpdateDistance(AffineSlope(), /*secant=*/false);
+      bool fell = false;
+      if (!Decompress(&fell, &reference)) return false;
+      if (!fell || cycle == kMaxCycles) break;
+    }
+    result_->converged =
+        result_->distance <= std::min(options_.error_bar, options_.accuracy);
+    return true;
+  }
+
+ private:
+  // The branch of a jammed state may end at a finite pressure, where it loses
+  // stability: the search then goes on from the unjammed state it falls to.
+  static constexpr int kMaxCycles = 20;
+  static constexpr int kMaxDecompressions = 60;
+
+  // Increment step: from the unjammed `reference` to the first jammed state.
+  bool Grow(Packing* reference) {
+    phi_jammed_ = 0.0;
+    const double phi_start = phi_unjammed_;
     for (int step = 1; phi_jammed_ == 0.0; ++step) {
-      const double phi = options_.phi_init + step * options_.phi_increment;
-      packing = reference;
+      const double phi = phi_start + step * options_.phi_increment;
+      Packing packing = *reference;
       packing.SetPackingFraction(phi);
+      Relaxation state;
+      JammingVerdict verdict;
       if (!RelaxAndJudge(JammingStage::GROWTH, packing, &state, &verdict)) {
         return false;
       }
@@ -66,19 +90,23 @@ class Protocol {
         phi_jammed_ = phi;
         result_->jammed = std::move(state);
       } else {
-        phi_ref = phi;
         phi_unjammed_ = phi;
-        reference = std::move(state.packing);
+        *reference = std::move(state.packing);
       }
     }
-    result_->unjammed = reference;
+    result_->unjammed = *reference;
+    return true;
+  }
 
-    // Bisection step.
+  // Bisection step.
+  bool Bisect(Packing* reference) {
     while (phi_jammed_ - phi_unjammed_ > options_.accuracy) {
       const double phi = 0.5 * (phi_jammed_ + phi_unjammed_);
       if (!(phi > phi_unjammed_) || !(phi < phi_jammed_)) break;
-      packing = reference;
+      Packing packing = *reference;
       packing.SetPackingFraction(phi);
+      Relaxation state;
+      JammingVerdict verdict;
       if (!RelaxAndJudge(JammingStage::BISECTION, packing, &state, &verdict)) {
         return false;
       }
@@ -87,19 +115,12 @@ class Protocol {
         result_->jammed = std::move(state);
       } else {
         phi_unjammed_ = phi;
-        reference = std::move(state.packing);
+        *reference = std::move(state.packing);
       }
     }
-
-    result_->phi_cr = phi_jammed_;
-    UpdateDistance(AffineSlope(), /*secant=*/false);
-    if (!Decompress()) return false;
-    result_->converged =
-        result_->distance <= std::min(options_.error_bar, options_.accuracy);
     return true;
   }
 
- private:
   template <typename... T>
   bool Fail(const char* format, T... values) {
     char line[512];
@@ -123,20 +144,23 @@ class Protocol {
   }
 
   void UpdateDistance(double slope, bool secant) {
-    slope_ = slope;
     result_->secant = secant;
     result_->distance = Linear(result_->jammed.observables.pressure) / slope;
     result_->phi_j = result_->phi_cr - result_->distance;
   }
 
   // Down the branch; at least one step, which measures p'. The affine slope is too
-  // steep, so the first step stays on the branch.
-  bool Decompress() {
+  // steep, so the first step stays on the branch. Sets `fell`, with the unjammed
+  // state in `reference`, if the branch ends well above its extrapolation.
+  bool Decompress(bool* fell, Packing* reference) {
     const bool follow = std::isfinite(options_.error_bar);
     double fraction = 0.5;
     int failures = 0;
-    while (!result_->secant ||
-           (follow && result_->distance > options_.error_bar)) {
+    for (int step = 0;
+         step < kMaxDecompressions &&
+         (!result_->secant ||
+          (follow && result_->distance > options_.error_bar));
+         ++step) {
       const double phi = result_->phi_cr - fraction * result_->distance;
       if (!(phi < result_->phi_cr)) return true;  // below the last digit
       Packing packing = result_->jammed.packing;
@@ -147,23 +171,33 @@ class Protocol {
               JammingStage::DECOMPRESSION, packing, &state, &verdict)) {
         return false;
       }
-      const double x_before = Linear(result_->jammed.observables.pressure);
-      const double slope =
-          (x_before - Linear(state.observables.pressure)) /
-          (result_->phi_cr - phi);
-      if (verdict != JammingVerdict::JAMMED || !(slope > 0.0)) {
-        // The branch ended above its extrapolation, or rearranged upwards.
-        if (++failures == 6) return true;
+      if (verdict != JammingVerdict::JAMMED) {
         fraction *= 0.5;
-        continue;
+        if (++failures < 4) continue;
+        if (follow) {
+          *fell = true;
+          *reference = std::move(state.packing);
+          phi_unjammed_ = phi;
+        }
+        return true;
       }
+      const double slope = (Linear(result_->jammed.observables.pressure) -
+                            Linear(state.observables.pressure)) /
+                           (result_->phi_cr - phi);
       if (follow) {
         result_->jammed = std::move(state);
         result_->phi_cr = phi;
         phi_jammed_ = phi;
       }
-      UpdateDistance(slope, /*secant=*/true);
-      if (failures == 0) fraction = 0.9;
+      if (slope > 0.0) {
+        UpdateDistance(slope, /*secant=*/true);
+        if (failures == 0) fraction = 0.9;
+      } else {
+        // It rearranged upwards: another branch, whose slope is not known yet.
+        UpdateDistance(AffineSlope(), /*secant=*/false);
+        fraction = 0.5;
+        if (!follow) return true;
+      }
     }
     return true;
   }
@@ -236,7 +270,6 @@ class Protocol {
   std::string* error_;
   double phi_unjammed_ = 0.0;
   double phi_jammed_ = 0.0;
-  double slope_ = 0.0;
 };
 
 }  // namespace

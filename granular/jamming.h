@@ -58,6 +58,9 @@ struct JammingResult {
   bool converged = false;
   // Where p' comes from: two states of the branch, or the affine estimate.
   bool secant = false;
+  // How often growth and bisection were run: once more for every branch that ended
+  // at a finite pressure on the way down.
+  int cycles = 0;
   int relaxations = 0;
   Counters counters;  // sums
   double seconds = 0.0;
@@ -67,7 +70,8 @@ struct JammingResult {
 // radii by delta phi at fixed positions until a state is jammed, bisect between
 // the last unjammed and the first jammed packing fraction to epsilon, then (if
 // asked) decompress along the jammed branch, one decade a step. p' is measured by
-// one step down the branch in any case.
+// one step down the branch in any case. A branch that loses stability at a finite
+// pressure has no jamming point: growth begins again from the state it falls to.
 //
 // `observer` (may be empty) sees every relaxation; returning false ends the run.
 // Returns false with one line in `error` if the start is jammed at phi_init, if a

@@ -1,6 +1,7 @@
 #include "granular/jamming.h"
 
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <memory>
 #include <string>
@@ -134,6 +135,32 @@ TEST(Jamming, DisorderedPackingIsIsostaticAtItsJammingPoint) {
     ASSERT_TRUE(EvaluateQuad(
         result.jammed.packing, options.energy, nullptr, &judge, &error));
     EXPECT_LE(judge.max_gradient, 2e-8 * judge.mean_force);
+  }
+}
+
+// Whatever the branches do on the way down, a run ends at a jamming point.
+TEST(Jamming, EverySeedEndsAtItsOwnJammingPoint) {
+  for (int seed = 11; seed <= 18; ++seed) {
+    SCOPED_TRACE(seed);
+    GeneratorOptions generator;
+    generator.particles = 64;
+    generator.seed = static_cast<std::uint64_t>(seed);
+    Packing start;
+    std::string error;
+    ASSERT_TRUE(GeneratePacking(generator, &start, &error)) << error;
+    JammingOptions options = Options(0.77, 1e-4, 1e-8);
+    JammingResult result;
+    ASSERT_TRUE(FindJamming(
+        start, options, *DefaultSolver(), nullptr, &result, &error))
+        << error;
+    EXPECT_TRUE(result.converged) << result.distance;
+    EXPECT_GE(result.cycles, 1);
+    const Observables& o = result.jammed.observables;
+    // A contact that opens within the error bar may still be there.
+    EXPECT_GE(o.rigid_contacts, o.isostatic_contacts);
+    EXPECT_LE(o.rigid_contacts, o.isostatic_contacts + 1);
+    // p is linear in phi - phi_J: the slope p' of a branch is of order k.
+    EXPECT_NEAR(o.pressure / result.distance, 0.4, 0.2);
   }
 }
 
