@@ -110,6 +110,7 @@ TEST_F(Cli, RelaxFollowsItsInterface) {
   EXPECT_NEAR(json["pressure"].get<double>(), 1.57304e-3, 0.5e-8);
   EXPECT_EQ(json["rattlers"].get<int>(), 2);
   EXPECT_LE(json["quad_relative_residual"].get<double>(), 2e-10);
+  EXPECT_LE(json["force_error"].get<double>(), 1e-14);
   // The packing written is the packing reported.
   Packing packing;
   std::string error;
