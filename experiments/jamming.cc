@@ -1,7 +1,7 @@
 // jamming: the jamming point of a packing by Algorithm 1 of Wang & Zhang (sec. 2.4):
 // growth of the radii at fixed positions from phi_init by dphi until the packing
 // is jammed, bisection to epsilon, and a decompression along the jammed branch that
-// brings the error bar below epsilon.
+// brings the error bar below --error_bar.
 
 #include <algorithm>
 #include <cmath>
@@ -39,12 +39,13 @@ int Main() {
   CheckPositive("dphi", FLAGS_dphi);
   CheckPositive("epsilon", FLAGS_epsilon);
   CheckRange("dphi", FLAGS_dphi, 0.0, 1.0);
+  CheckRange("epsilon", FLAGS_epsilon, 0.0, 1.0);
   CheckRange("error_bar", FLAGS_error_bar, 0.0, 1.0);
   const double finest =
       FLAGS_error_bar > 0.0 ? std::min(FLAGS_epsilon, FLAGS_error_bar)
                             : FLAGS_epsilon;
   // A state that close to jamming cannot be told from one at it.
-  if (!IsGiven("zero_pressure")) FLAGS_zero_pressure = 1e-3 * finest;
+  if (!IsGiven("zero_pressure")) FLAGS_zero_pressure = 1e-3 * FLAGS_epsilon;
   Scene scene = MakeScene(FLAGS_phi_init > 0.0       ? FLAGS_phi_init
                           : FLAGS_dimension == 3 ? 0.58
                                                  : 0.80);
@@ -60,7 +61,11 @@ int Main() {
   else options.error_bar = std::numeric_limits<double>::infinity();
 
   Output output;
-  output.Create(FLAGS_out);
+  output.Create(FLAGS_out,
+                {"summary.json", "packing.xyz", "contacts.csv", "path.csv",
+                 "stage_initial.xyz", "stage_unjammed.xyz", "packing.svg",
+                 "packing.png", "stages.svg", "stages.png", "path.svg",
+                 "path.png"});
   std::printf("jamming   %s (%s), alpha = %g\n",
               Describe(scene.packing).c_str(),
               scene.origin.c_str(),
@@ -201,11 +206,11 @@ int Main() {
   json["state"]["quad_relative_residual"] = judged;
   json["provenance"] = Provenance();
 
-  output.WriteJson("summary.json", json);
   output.WritePacking("packing.xyz", Annotated(result.jammed, scene.energy));
   output.Write("contacts.csv", ContactsCsv(result.jammed));
   output.WritePacking("stage_initial.xyz", result.start);
   output.WritePacking("stage_unjammed.xyz", result.unjammed);
+  output.WriteJson("summary.json", json);
   output.Plot({"packing",
                output.Path("packing.xyz"),
                output.Path("contacts.csv"),
@@ -258,7 +263,10 @@ int Main() {
               static_cast<long long>(result.counters.iterations),
               static_cast<long long>(result.counters.evaluations),
               result.seconds);
-  if (d == 2 && FLAGS_input.empty()) {
+  std::printf("  meaning       +- is how far this state is above the jamming point of "
+              "its own branch;\n                another seed or protocol ends "
+              "elsewhere\n");
+  if (d == 2 && FLAGS_input.empty() && o.grains >= 64) {
     // The scatter of 256 to 4096 discs over seeds is about 0.06 / sqrt(N).
     std::printf("  literature    0.8418 for N -> infinity and a rapid quench; single "
                 "packings of this size scatter by about %.4f\n",

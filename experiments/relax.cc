@@ -77,8 +77,11 @@ int Main() {
   }
   options.record_trace = true;
 
+  CheckScene(scene);
   Output output;
-  output.Create(FLAGS_out);
+  output.Create(FLAGS_out,
+                {"summary.json", "packing.xyz", "contacts.csv", "trace.csv",
+                 "packing.svg", "packing.png", "trace.svg", "trace.png"});
   std::printf("relax     %s (%s)\n",
               Describe(packing).c_str(),
               scene.origin.c_str());
@@ -147,9 +150,9 @@ int Main() {
   json["schema"] = "granopt/relax/1";
   json["provenance"] = Provenance();
   output.WritePacking("packing.xyz", Annotated(result, scene.energy));
-  output.WriteJson("summary.json", json);
   output.Write("contacts.csv", ContactsCsv(result));
   output.Write("trace.csv", TraceCsv(result.summary));
+  output.WriteJson("summary.json", json);
   output.Plot({"packing",
                output.Path("packing.xyz"),
                output.Path("contacts.csv"),

@@ -8,12 +8,14 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
+#include <csignal>
 #include <cstdarg>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <ctime>
 #include <fstream>
+#include <new>
 #include <set>
 #include <thread>
 
@@ -126,7 +128,12 @@ std::string Format(const char* format, ...) {
 }
 
 void BadInput(const std::string& line) {
-  std::fprintf(stderr, "%s: %s\n", BinaryName()->c_str(), line.c_str());
+  // One line, whatever a file or flag put into it.
+  std::string printable = line;
+  for (char& c : printable) {
+    if (static_cast<unsigned char>(c) < 32) c = '?';
+  }
+  std::fprintf(stderr, "%s: %s\n", BinaryName()->c_str(), printable.c_str());
   std::exit(kBadInput);
 }
 
@@ -136,6 +143,12 @@ void ParseFlags(int* argc, char*** argv, const char* purpose) {
   const std::string path = (*argv)[0];
   *BinaryName() = path.substr(path.rfind('/') + 1);
   CommandLine()->assign(*argv, *argv + *argc);
+  std::set_new_handler([] {
+    std::fprintf(stderr, "%s: out of memory\n", BinaryName()->c_str());
+    std::_Exit(kBadInput);
+  });
+  // A limit on file sizes is an error of write(), not the end of the process.
+  std::signal(SIGXFSZ, SIG_IGN);
   google::gflags_exitfunc = [](int) { std::exit(kBadInput); };
   gflags::SetVersionString(GRANOPT_GIT_REVISION);
   for (int a = 1; a < *argc; ++a) {
@@ -154,7 +167,10 @@ void ParseFlags(int* argc, char*** argv, const char* purpose) {
     BadInput(std::string("'") + (*argv)[1] +
              "' is not a flag (see --help); values are given as --flag=value");
   }
-  if (FLAGS_out.empty()) FLAGS_out = "out/" + *BinaryName();
+  if (FLAGS_out.empty()) {
+    if (IsGiven("out")) BadInput("--out= is empty");
+    FLAGS_out = "out/" + *BinaryName();
+  }
 }
 
 bool IsGiven(const char* flag) {
@@ -171,7 +187,8 @@ void CheckPositive(const char* flag, double value) {
   BadInput(Format("--%s=%g must be positive", flag, value));
 }
 
-void Output::Create(const std::string& folder) {
+void Output::Create(const std::string& folder,
+                    const std::vector<std::string>& names) {
   folder_ = folder;
   while (folder_.size() > 1 && folder_.back() == '/') folder_.pop_back();
   for (std::size_t at = 1; at <= folder_.size(); ++at) {
@@ -190,6 +207,12 @@ void Output::Create(const std::string& folder) {
     BadInput("--out: cannot write in '" + folder_ +
              "': " + std::strerror(errno));
   }
+  for (const std::string& name : names) {
+    if (lstat(Path(name).c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {
+      BadInput("--out: '" + Path(name) + "' is in the way (not a file)");
+    }
+  }
+  for (const std::string& name : names) unlink(Path(name).c_str());
 }
 
 void Output::Write(const std::string& name, const std::string& content) {

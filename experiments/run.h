@@ -44,8 +44,10 @@ void CheckPositive(const char* flag, double value);
 // that bad input leaves nothing behind.
 class Output {
  public:
-  // Creates the folder; BadInput if that or writing in it is impossible.
-  void Create(const std::string& folder);
+  // Creates the folder; BadInput if that or writing in it is impossible. Files of an
+  // earlier run with the `names` of this experiment are removed, so that results of
+  // two runs are never mixed; summary.json is written last and marks a complete run.
+  void Create(const std::string& folder, const std::vector<std::string>& names);
   const std::string& folder() const { return folder_; }
   std::string Path(const std::string& name) const { return folder_ + "/" + name; }
   // Atomic; BadInput on failure (disk full, removed folder).

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <vector>
 
 #include "experiments/run.h"
 #include "granular/packing_generator.h"
@@ -22,8 +23,8 @@ DEFINE_string(solver,
 DEFINE_double(tolerance, 1e-10, "stop at max|g| <= tolerance * mean contact force");
 DEFINE_double(zero_pressure,
               1e-13,
-              "unjammed if (p / (k r^(alpha-d)))^(1/(alpha-1)) is below this "
-              "(dimensionless, about 0.4 times a distance in phi)");
+              "unjammed if (p / (k r^(alpha-d)))^(1/(alpha-1)) and mean overlap / r "
+              "are below this (about a distance in phi)");
 DEFINE_bool(list_solvers, false, "print the methods with their options and exit");
 
 namespace granopt {
@@ -40,6 +41,7 @@ Scene MakeScene(double phi) {
   CheckPositive("tolerance", FLAGS_tolerance);
   CheckPositive("zero_pressure", FLAGS_zero_pressure);
 
+  if (IsGiven("input") && FLAGS_input.empty()) BadInput("--input= is empty");
   if (!FLAGS_input.empty()) {
     for (const char* flag : {"particles", "dimension"}) {
       if (IsGiven(flag)) {
@@ -79,11 +81,21 @@ Scene MakeScene(double phi) {
   if (!(scene.energy.alpha >= 2.0 && scene.energy.alpha <= 100.0)) {
     BadInput(Format("--alpha=%g must be in [2, 100]", scene.energy.alpha));
   }
-  // Whatever else the energy refuses (two grains at one place are found here too).
-  if (ContactEnergy::Create(scene.packing, scene.energy, &error) == nullptr) {
-    BadInput(scene.origin + ": " + error);
-  }
+  CheckScene(scene);
   return scene;
+}
+
+void CheckScene(const Scene& scene) {
+  std::string error;
+  const auto energy = ContactEnergy::Create(scene.packing, scene.energy, &error);
+  if (energy == nullptr) BadInput(scene.origin + ": " + error);
+  const std::vector<double> zero(energy->NumParameters(), 0.0);
+  for (const Contact& contact : energy->Contacts(zero.data())) {
+    if (contact.distance > 0.0) continue;
+    BadInput(scene.origin +
+             Format(": grains %d and %d are at the same place", contact.id.i,
+                    contact.id.j));
+  }
 }
 
 SolveOptions MakeSolveOptions() {

@@ -37,6 +37,10 @@ struct Scene {
 // fault. Prints the methods and exits on --list_solvers.
 Scene MakeScene(double phi);
 
+// BadInput if the energy refuses the packing, or if two grains are at one place, where
+// their force has no direction. MakeScene() calls it; call it again after a load.
+void CheckScene(const Scene& scene);
+
 // Relative tolerance and the bound under which a packing counts as unjammed.
 SolveOptions MakeSolveOptions();
 

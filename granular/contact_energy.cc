@@ -223,8 +223,10 @@ bool ContactEnergy::EvaluateWithScales(const double* u,
         sums.virial / (dimension_ * packing_.box.Volume());
     const double unit = options_.stiffness *
                         std::pow(mean_radius_, options_.alpha - dimension_);
+    // The pressure alone would call a few deep overlaps in a wide cell nothing.
     scales->vanishing =
-        std::pow(pressure / unit, 1.0 / (options_.alpha - 1.0));
+        std::max(std::pow(pressure / unit, 1.0 / (options_.alpha - 1.0)),
+                 last_overlap_ / mean_radius_);
   }
   return true;
 }

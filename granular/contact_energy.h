@@ -49,9 +49,9 @@ struct Contact {
 // and Hessian are pure functions of (reference, u): bitwise independent of the
 // neighbour list that happens to be in use.
 //
-// Scales: gradient = mean contact force, length = mean overlap, vanishing =
-// (p / (k r^(alpha-d)))^(1/(alpha-1)) with the mean radius r, for alpha = 2 about
-// 0.4 times a distance in packing fraction. Grains whose centres coincide exactly
+// Scales: gradient = mean contact force, length = mean overlap, vanishing = the
+// larger of (p / (k r^(alpha-d)))^(1/(alpha-1)) and mean overlap / r with the mean
+// radius r, both of the order of a distance in packing fraction. Grains whose centres coincide exactly
 // exert no force on each other (the direction is not defined) though they have
 // energy.
 class ContactEnergy : public UnilateralFunction {

@@ -118,6 +118,7 @@ class Protocol {
         *reference = std::move(state.packing);
       }
     }
+    result_->unjammed = *reference;
     return true;
   }
 
@@ -206,13 +207,18 @@ class Protocol {
                      const Packing& packing,
                      Relaxation* state,
                      JammingVerdict* verdict) {
+    SolveOptions solve = options_.solve;
+    if (stage == JammingStage::DECOMPRESSION) {
+      solve.vanishing_tolerance =
+          std::min(solve.vanishing_tolerance, 1e-2 * options_.error_bar);
+    }
     const Packing* start = &packing;
     Packing again;
     for (int attempt = 1;; ++attempt) {
       if (!Relax(*start,
                  options_.energy,
                  solver_,
-                 options_.solve,
+                 solve,
                  state,
                  error_)) {
         return false;

@@ -17,7 +17,9 @@ const char* JammingVerdictName(JammingVerdict verdict);  // "jammed"
 
 struct JammingOptions {
   ContactEnergyOptions energy;
-  // For each relaxation. vanishing_tolerance decides what counts as E = 0.
+  // For each relaxation. vanishing_tolerance decides what counts as E = 0; in the
+  // decompression it is at most error_bar / 100, so that growth and bisection do not
+  // depend on the error bar.
   SolveOptions solve;
   double phi_init = 0.8;
   double phi_increment = 1e-3;  // delta phi
@@ -47,7 +49,7 @@ struct JammingStep {
 
 struct JammingResult {
   Packing start;     // relaxed at phi_init
-  Packing unjammed;  // the last unjammed state of the growth
+  Packing unjammed;  // the last unjammed state before the jammed one
   Relaxation jammed;  // the jammed state of least packing fraction
   double phi_cr = 0.0;  // its packing fraction
   // (alpha - 1) p / p' with p' = dp/dphi along the branch: how far the jammed

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <limits>
 #include <utility>
 
@@ -39,6 +40,20 @@ bool BuildNeighborList(const Box& given_box,
                        std::string* error) {
   const int n = static_cast<int>(radii.size());
   const int d = given_box.dimension();
+  // Beyond this ratio small grains are lost in the rounding of large ones.
+  constexpr double kMostRatio = 1e9;
+  int smallest;
+  if (radii.minCoeff(&smallest) < radii.maxCoeff() / kMostRatio) {
+    char line[96];
+    std::snprintf(line,
+                  sizeof(line),
+                  "grain %d: radius = %g is more than 1e9 times smaller than the "
+                  "largest",
+                  smallest,
+                  radii[smallest]);
+    *error = line;
+    return false;
+  }
   Eigen::Matrix3i transform;
   const Box box = given_box.Reduced(&transform);
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -39,7 +40,11 @@ bool GeneratePacking(const GeneratorOptions& options,
   if (d != 2 && d != 3) {
     return fail("dimension = " + std::to_string(d) + " must be 2 or 3");
   }
-  if (n < 1) return fail("particles = " + std::to_string(n) + " must be >= 1");
+  constexpr int kMostGrains = std::numeric_limits<int>::max() / 64;
+  if (n < 1 || n > kMostGrains) {
+    return fail("particles = " + std::to_string(n) + " must be in [1, " +
+                std::to_string(kMostGrains) + "]");
+  }
   if (!(options.packing_fraction > 0.0) ||
       !(options.packing_fraction <= 4.0)) {
     return fail("phi = " + std::to_string(options.packing_fraction) +

@@ -66,10 +66,13 @@ class ScaledFunction : public ceres::FirstOrderFunction {
     if (anchor_ != nullptr) {
       double change = *cost - anchor_->cost;
       if (std::abs(change) <= kLostDifference * std::abs(anchor_->cost)) {
-        change = 0.0;
+        double rule = 0.0;
         for (int i = 0; i < n; ++i) {
-          change +=
-              0.5 * (anchor_->gradient[i] + g[i]) * (x_[i] - anchor_->x[i]);
+          rule += 0.5 * (anchor_->gradient[i] + g[i]) * (x_[i] - anchor_->x[i]);
+        }
+        // Not small itself: the two points are equal in cost, but not near.
+        if (std::abs(rule) <= 2.0 * kLostDifference * std::abs(anchor_->cost)) {
+          change = rule;
         }
       }
       *cost = anchor_->told + change * units_.cost;

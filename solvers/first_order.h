@@ -13,16 +13,15 @@ namespace granopt {
 // relative to them, so that a problem stated in other units takes bitwise the
 // same iterations.
 struct Scales {
-  // Mean magnitude of the terms that a gradient entry is the sum of (for a
-  // packing: the mean contact force). 0 when no term is active.
+  // Mean magnitude of the terms that a gradient entry is the sum of. 0 when no term
+  // is active.
   double gradient = 0.0;
-  // Displacement over which such a term changes by its own size (for a packing:
-  // the mean overlap). 0 when no term is active.
+  // Change of x over which such a term changes by its own size. 0 when no term is
+  // active.
   double length = 0.0;
   // Dimensionless size of the function itself; once it is under a stated bound
-  // the function counts as zero (for a packing: a distance in packing fraction,
-  // (p / (k r^(alpha-d)))^(1/(alpha-1))). Infinity for functions whose minimum
-  // is not known to be zero.
+  // the function counts as zero. Infinity for functions whose minimum is not known
+  // to be zero.
   double vanishing = std::numeric_limits<double>::infinity();
 };
 

@@ -1,7 +1,7 @@
 #include "solvers/registry.h"
 
 #include <algorithm>
-#include <cstdlib>
+#include <charconv>
 #include <mutex>
 
 namespace granopt {
@@ -87,17 +87,21 @@ int Parameters::Int(const std::string& key,
                     int default_value,
                     int minimum,
                     const std::string& help) {
-  const std::string choices = "an integer >= " + std::to_string(minimum);
+  constexpr int kMost = 1000000000;
+  const std::string choices = "an integer in [" + std::to_string(minimum) + ", " +
+                              std::to_string(kMost) + "]";
   const std::string* text =
       Take(key, std::to_string(default_value), choices, help);
   if (text == nullptr) return default_value;
-  char* end = nullptr;
-  const long value = std::strtol(text->c_str(), &end, 10);
-  if (text->empty() || *end != '\0' || value < minimum || value > 1000000000L) {
+  int value = 0;
+  const char* end = text->data() + text->size();
+  const auto parsed = std::from_chars(text->data(), end, value);
+  if (parsed.ec != std::errc() || parsed.ptr != end || value < minimum ||
+      value > kMost) {
     Complain(key, *text, choices);
     return default_value;
   }
-  return static_cast<int>(value);
+  return value;
 }
 
 int Parameters::Choice(const std::string& key,

@@ -22,7 +22,7 @@ class SparseCholesky::Backend {
     common_.final_ll = 1;
     common_.print = 0;
     common_.quick_return_if_not_posdef = 1;
-    // AMD alone: trying METIS as well costs more than it gains below 10^5 grains.
+    // AMD alone: trying METIS as well costs more than it gains below 10^5 unknowns.
     common_.nmethods = 1;
     common_.method[0].ordering = CHOLMOD_AMD;
     common_.postorder = 1;

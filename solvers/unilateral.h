@@ -33,7 +33,7 @@ struct GapId {
 // terms), in increasing order of id.
 struct Gaps {
   std::vector<GapId> ids;
-  Eigen::VectorXd delta;      // overlap; negative where the gap is open
+  Eigen::VectorXd delta;      // closure; negative where the gap is open
   Eigen::VectorXd stiffness;  // k of each term
   // d(delta)/dx, one row a gap.
   Eigen::SparseMatrix<double, Eigen::RowMajor, int> jacobian;

@@ -205,6 +205,23 @@ TEST_F(Cli, BadInputIsOneLineAndLeavesNothing) {
     ExpectRefused(b, "--particles=8 --out=occupied/deeper", "occupied");
     ExpectRefused(b, "--particles=8 --input=nan.xyz --out=out", "--particles");
   }
+  // A load that makes the packing impossible, a radius that is hardly one, two grains
+  // at one place, an empty name, more grains than there is memory for.
+  ExpectRefused("relax", "--particles=20 --pure_shear=500 --out=out", "images");
+  ExpectRefused("relax", "--particles=20 --radius_factor=1e300 --out=out", "grain");
+  File("ratio.xyz",
+       std::string("2\n") + kHeader +
+           "A 0.1 0.1 0 5e-324\nA 0.5 0.5 0 0.1\n");
+  File("same.xyz",
+       std::string("2\n") + kHeader + "A 0.25 0.25 0 0.1\nA 1.25 0.25 0 0.1\n");
+  for (const char* binary : {"relax", "jamming"}) {
+    ExpectRefused(binary, "--input=ratio.xyz --out=out", "1e9 times smaller");
+    ExpectRefused(binary, "--input= --out=out", "--input= is empty");
+    ExpectRefused(binary, "--particles=2000000000 --out=out", "must be in [1,");
+    ExpectRefused(binary, "--out=", "--out= is empty");
+  }
+  ExpectRefused("relax", "--input=same.xyz --out=out",
+                "grains 0 and 1 are at the same place");
   ExpectRefused("relax", "--phi=0 --out=out", "phi");
   ExpectRefused("relax", "--phi=-1 --out=out", "phi");
   ExpectRefused("relax", "--radius_factor=0 --out=out", "--radius_factor=0");
@@ -213,6 +230,42 @@ TEST_F(Cli, BadInputIsOneLineAndLeavesNothing) {
   ExpectRefused("jamming", "--phi_init=-0.5 --out=out", "phi_init");
   ExpectRefused("jamming", "--dphi=0 --out=out", "--dphi=0");
   ExpectRefused("jamming", "--epsilon=0 --out=out", "--epsilon=0");
+}
+
+TEST_F(Cli, ResultsOfTwoRunsAreNeverMixed) {
+  ASSERT_EQ(Do("jamming", "--smoke --out=out").status, 0);
+  ASSERT_TRUE(Exists(folder_ + "/out/packing.xyz"));
+  // Fails, so it has no packing to write; the old one must not stand beside it.
+  EXPECT_EQ(Do("jamming", "--smoke --phi_init=1 --out=out").status, 1);
+  EXPECT_FALSE(Exists(folder_ + "/out/packing.xyz"));
+  EXPECT_TRUE(Exists(folder_ + "/out/summary.json"));
+  // Something else in the place of a result is found before the work.
+  ASSERT_EQ(mkdir((folder_ + "/blocked").c_str(), 0755), 0);
+  ASSERT_EQ(mkdir((folder_ + "/blocked/summary.json").c_str(), 0755), 0);
+  const Outcome run = Do("relax", "--particles=16 --phi=0.5 --out=blocked");
+  EXPECT_EQ(run.status, 2);
+  EXPECT_EQ(Lines(run.err), 1) << run.err;
+  EXPECT_FALSE(Exists(folder_ + "/blocked/packing.xyz"));
+}
+
+// The error bar decides how far the decompression goes, nothing before it.
+TEST_F(Cli, GrowthAndBisectionDoNotDependOnTheErrorBar) {
+  const auto path = [&](const std::string& flags) {
+    Do("jamming", "--smoke --seed=7 --out=out " + flags);
+    const std::string csv = Slurp(folder_ + "/out/path.csv");
+    const std::string head = csv.substr(0, csv.find("decompression"));
+    // Without the column of seconds.
+    std::string rows;
+    std::stringstream lines(head);
+    for (std::string line; std::getline(lines, line);) {
+      rows += line.substr(0, line.rfind(',')) + "\n";
+    }
+    return rows;
+  };
+  const std::string published = path("--error_bar=0");
+  EXPECT_GT(Lines(published), 5);
+  EXPECT_EQ(path("--error_bar=1e-6"), published);
+  EXPECT_EQ(path("--error_bar=1e-8"), published);
 }
 
 TEST_F(Cli, HelpAndTheListOfSolversExitWithZero) {

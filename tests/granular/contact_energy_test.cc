@@ -1047,11 +1047,21 @@ TEST(ContactEnergy, ScalesAreTheMeanForceTheMeanOverlapAndTheReducedPressure) {
       EXPECT_NEAR(e.scales.length / o.mean_overlap, 1.0, 1e-14);
       const double reduced =
           o.pressure / (2.5 * std::pow(packing.MeanRadius(), alpha - d));
-      EXPECT_NEAR(e.scales.vanishing / std::pow(reduced, 1.0 / (alpha - 1.0)),
-                  1.0,
-                  1e-13);
+      const double expected =
+          std::max(std::pow(reduced, 1.0 / (alpha - 1.0)),
+                   o.mean_overlap / packing.MeanRadius());
+      EXPECT_NEAR(e.scales.vanishing / expected, 1.0, 1e-13);
     }
   }
+}
+
+// Two discs deep in each other in a wide cell: hardly any pressure, not nothing.
+TEST(ContactEnergy, DeepOverlapsInAWideCellDoNotVanish) {
+  Eigen::MatrixXd x(2, 2);
+  x << 1.0, 1.4, 1.0, 1.0;
+  const Packing packing = MakePacking(Box::Cube(2, 1e9), x, {0.3, 0.3});
+  const Evaluation e = Evaluate(*MakeEnergy(packing, 2.0));
+  EXPECT_NEAR(e.scales.vanishing, 0.2 / 0.3, 1e-12);
 }
 
 // ---- accuracy -------------------------------------------------------------------

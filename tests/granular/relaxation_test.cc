@@ -118,7 +118,37 @@ TEST(Relaxation, FewGrains) {
           Relax(start, {}, *MakeSolver(), SolveOptions(), &result, &error));
       EXPECT_TRUE(result.summary.Succeeded())
           << n << " " << phi << ": " << result.summary.BriefReport();
+      const Observables& o = result.observables;
+      if (result.summary.reason == StopReason::VANISHED) {
+        EXPECT_LE(o.mean_overlap, 1e-12 * start.MeanRadius());
+      } else {
+        EXPECT_LE(o.max_residual, 1.01e-10 * o.mean_force);
+        EXPECT_GT(o.energy, 0.0);
+      }
     }
+  }
+}
+
+// A first step of exactly one period of the cell leaves the energy as it was: two
+// points of equal cost that are not near each other.
+TEST(Relaxation, AStepOfOnePeriodIsNoDecrease) {
+  Packing packing;
+  packing.box = Box::Cube(2, 1.0);
+  packing.positions.resize(2, 2);
+  packing.positions << 0.5, 0.52, 0.5, 0.5;
+  packing.radii.setConstant(2, 0.3);
+  for (const double alpha : {2.0, 2.5}) {
+    ContactEnergyOptions options;
+    options.alpha = alpha;
+    Relaxation result;
+    std::string error;
+    ASSERT_TRUE(Relax(
+        packing, options, *MakeSolver(), SolveOptions(), &result, &error));
+    EXPECT_TRUE(result.summary.Succeeded()) << result.summary.BriefReport();
+    // They end half a cell apart, touching on both sides.
+    EXPECT_NEAR(result.observables.energy,
+                2.0 * std::pow(0.1, alpha) / alpha,
+                1e-9);
   }
 }
 

@@ -153,7 +153,7 @@ TEST(Registry, UnknownOptionListsTheOptions) {
 
 TEST(Registry, BadValueNamesTheChoices) {
   const std::string lbfgs = "solver 'ceres_lbfgs': option ";
-  const std::string integer = " must be an integer >= 1";
+  const std::string integer = " must be an integer in [1, 1000000000]";
   for (const char* value :
        {"", "0", "-1", "5x", "1.5", "1e3", "five", "99999999999999999999"}) {
     EXPECT_EQ(ErrorOf(std::string("ceres_lbfgs:memory=") + value),
@@ -164,7 +164,7 @@ TEST(Registry, BadValueNamesTheChoices) {
               lbfgs + "scaled=" + value + " must be one of 0|1");
   }
   EXPECT_EQ(ErrorOf("ceres_lbfgs:restarts=-1"),
-            lbfgs + "restarts=-1 must be an integer >= 0");
+            lbfgs + "restarts=-1 must be an integer in [0, 1000000000]");
   EXPECT_EQ(ErrorOf("ceres_ncg:beta=dy"),
             "solver 'ceres_ncg': option beta=dy must be one of fr|pr|hs");
   EXPECT_EQ(ErrorOf("ceres_ncg:line_search=Wolfe"),
