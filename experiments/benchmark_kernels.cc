@@ -4,15 +4,16 @@
 //   benchmark_kernels [PACKING.xyz] --benchmark_enable_random_interleaving=true
 //                     --benchmark_repetitions=9
 //
-// Counter: nanoseconds per grain. For instruction counts, which do not depend on what
-// else the machine does, start from a file (written by `relax --particles=4096`):
+// Counter: nanoseconds per grain. For instruction counts, which do not depend
+// on what else the machine does, start from a file (written by `relax
+// --particles=4096`):
 //
 //   valgrind --tool=callgrind --toggle-collect='*TimedContactEnergy*'
 //            benchmark_kernels PACKING.xyz --benchmark_filter=ContactEnergy/1
 //
 // The packing: discs in a square cell; without a file 4096 (1:1, ratio 1.4) at
-// phi = 0.8438, relaxed from a random start. Arguments count its periodic copies,
-// 1 and 64.
+// phi = 0.8438, relaxed from a random start. Arguments count its periodic
+// copies, 1 and 64.
 
 #include <cmath>
 #include <cstdio>
@@ -23,7 +24,6 @@
 #include <vector>
 
 #include "benchmark/benchmark.h"
-
 #include "granular/contact_energy.h"
 #include "granular/neighbor_list.h"
 #include "granular/packing_generator.h"
@@ -34,7 +34,8 @@
 namespace granopt {
 namespace {
 
-constexpr double kSkin = 0.05;  // of the smallest radius, as ContactEnergy's own
+constexpr double kSkin =
+    0.05;  // of the smallest radius, as ContactEnergy's own
 
 Packing RelaxedPacking() {
   GeneratorOptions options;
@@ -64,8 +65,7 @@ Packing Tiled(const Packing& tile, int n) {
   int at = 0;
   for (int a = 0; a < n; ++a) {
     for (int b = 0; b < n; ++b) {
-      const Eigen::Vector2d shift =
-          tile.box.edges() * Eigen::Vector2d(a, b);
+      const Eigen::Vector2d shift = tile.box.edges() * Eigen::Vector2d(a, b);
       for (int i = 0; i < tile.size(); ++i, ++at) {
         packing.positions.col(at) = tile.positions.col(i) + shift;
         packing.radii[at] = tile.radii[i];
@@ -153,8 +153,8 @@ const Packing& PackingOf(int copies) {
   }
   const auto found = packings.find(copies);
   if (found != packings.end()) return found->second;
-  return packings[copies] =
-             Tiled(packings[1], static_cast<int>(std::lround(std::sqrt(copies))));
+  return packings[copies] = Tiled(
+             packings[1], static_cast<int>(std::lround(std::sqrt(copies))));
 }
 
 __attribute__((noinline)) double TimedContactEnergy(const ContactEnergy& energy,
@@ -173,10 +173,10 @@ __attribute__((noinline)) double TimedPlainLoop(const PlainLoop& loop,
 
 void PerGrain(benchmark::State& state, const Packing& packing) {
   state.counters["grains"] = packing.size();
-  state.counters["ns/grain"] = benchmark::Counter(
-      1e-9 * packing.size(),
-      benchmark::Counter::kIsIterationInvariantRate |
-          benchmark::Counter::kInvert);
+  state.counters["ns/grain"] =
+      benchmark::Counter(1e-9 * packing.size(),
+                         benchmark::Counter::kIsIterationInvariantRate |
+                             benchmark::Counter::kInvert);
 }
 
 void BM_ContactEnergy(benchmark::State& state) {
@@ -212,7 +212,8 @@ BENCHMARK(BM_PlainLoop)->Arg(1)->Arg(64);
 int main(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
   if (argc > 2 || (argc == 2 && argv[1][0] == '-')) {
-    std::fprintf(stderr, "usage: %s [PACKING.xyz] [--benchmark_...]\n", argv[0]);
+    std::fprintf(
+        stderr, "usage: %s [PACKING.xyz] [--benchmark_...]\n", argv[0]);
     return 2;
   }
   if (argc == 2) *granopt::InputFile() = argv[1];

@@ -1,7 +1,9 @@
-// jamming: the jamming point of a packing by Algorithm 1 of Wang & Zhang (sec. 2.4):
-// growth of the radii at fixed positions from phi_init by dphi until the packing
-// is jammed, bisection to epsilon, and a decompression along the jammed branch that
-// brings the error bar below --error_bar.
+// jamming: the jamming point of a packing by Algorithm 1 of Wang & Zhang
+// (sec. 2.4): growth of the radii at fixed positions from phi_init by dphi
+// until the packing is jammed, bisection to epsilon, and a decompression along
+// the jammed branch that brings the error bar below --error_bar.
+
+#include "granular/jamming.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,18 +13,19 @@
 
 #include "experiments/run.h"
 #include "experiments/scene.h"
-#include "granular/jamming.h"
 #include "granular/quad_residual.h"
 
-DEFINE_double(phi_init,
-              0.0,
-              "packing fraction of the start; default 0.80 (discs), 0.58 (spheres)");
+DEFINE_double(
+    phi_init,
+    0.0,
+    "packing fraction of the start; default 0.80 (discs), 0.58 (spheres)");
 DEFINE_double(dphi, 1e-3, "increment delta phi of the growth");
 DEFINE_double(epsilon, 1e-6, "accuracy of the bisection: width of the bracket");
-DEFINE_double(error_bar,
-              1e-8,
-              "then follow the jammed branch down until the error bar of phi_J is at "
-              "most this; 0: stop where the published algorithm stops");
+DEFINE_double(
+    error_bar,
+    1e-8,
+    "then follow the jammed branch down until the error bar of phi_J is at "
+    "most this; 0: stop where the published algorithm stops");
 
 namespace granopt {
 namespace {
@@ -41,12 +44,12 @@ int Main() {
   CheckRange("dphi", FLAGS_dphi, 0.0, 1.0);
   CheckRange("epsilon", FLAGS_epsilon, 0.0, 1.0);
   CheckRange("error_bar", FLAGS_error_bar, 0.0, 1.0);
-  const double finest =
-      FLAGS_error_bar > 0.0 ? std::min(FLAGS_epsilon, FLAGS_error_bar)
+  const double finest = FLAGS_error_bar > 0.0
+                            ? std::min(FLAGS_epsilon, FLAGS_error_bar)
                             : FLAGS_epsilon;
   // A state that close to jamming cannot be told from one at it.
   if (!IsGiven("zero_pressure")) FLAGS_zero_pressure = 1e-3 * FLAGS_epsilon;
-  Scene scene = MakeScene(FLAGS_phi_init > 0.0       ? FLAGS_phi_init
+  Scene scene = MakeScene(FLAGS_phi_init > 0.0   ? FLAGS_phi_init
                           : FLAGS_dimension == 3 ? 0.58
                                                  : 0.80);
   const int d = scene.packing.dimension();
@@ -57,32 +60,44 @@ int Main() {
       FLAGS_phi_init > 0.0 ? FLAGS_phi_init : (d == 3 ? 0.58 : 0.80);
   options.phi_increment = FLAGS_dphi;
   options.accuracy = FLAGS_epsilon;
-  if (FLAGS_error_bar > 0.0) options.error_bar = FLAGS_error_bar;
-  else options.error_bar = std::numeric_limits<double>::infinity();
+  if (FLAGS_error_bar > 0.0)
+    options.error_bar = FLAGS_error_bar;
+  else
+    options.error_bar = std::numeric_limits<double>::infinity();
 
   Output output;
   output.Create(FLAGS_out,
-                {"summary.json", "packing.xyz", "contacts.csv", "path.csv",
-                 "stage_initial.xyz", "stage_unjammed.xyz", "packing.svg",
-                 "packing.png", "stages.svg", "stages.png", "path.svg",
+                {"summary.json",
+                 "packing.xyz",
+                 "contacts.csv",
+                 "path.csv",
+                 "stage_initial.xyz",
+                 "stage_unjammed.xyz",
+                 "packing.svg",
+                 "packing.png",
+                 "stages.svg",
+                 "stages.png",
+                 "path.svg",
                  "path.png"});
   std::printf("jamming   %s (%s), alpha = %g\n",
               Describe(scene.packing).c_str(),
               scene.origin.c_str(),
               scene.energy.alpha);
-  std::printf("          Algorithm 1: grow from phi = %.4f by %g, bisect to %g%s\n",
-              options.phi_init,
-              options.phi_increment,
-              options.accuracy,
-              FLAGS_error_bar > 0.0
-                  ? Format(", decompress to an error bar of %g", FLAGS_error_bar)
-                        .c_str()
-                  : "");
-  std::printf("          each state relaxed to |g| <= %g mean forces; unjammed if "
-              "p / (k r^(alpha-%d)) falls below %g\n",
-              options.solve.relative_tolerance,
-              d,
-              std::pow(FLAGS_zero_pressure, scene.energy.alpha - 1.0));
+  std::printf(
+      "          Algorithm 1: grow from phi = %.4f by %g, bisect to %g%s\n",
+      options.phi_init,
+      options.phi_increment,
+      options.accuracy,
+      FLAGS_error_bar > 0.0
+          ? Format(", decompress to an error bar of %g", FLAGS_error_bar)
+                .c_str()
+          : "");
+  std::printf(
+      "          each state relaxed to |g| <= %g mean forces; unjammed if "
+      "p / (k r^(alpha-%d)) falls below %g\n",
+      options.solve.relative_tolerance,
+      d,
+      std::pow(FLAGS_zero_pressure, scene.energy.alpha - 1.0));
   std::printf("          method %s\n", scene.solver->name().c_str());
   std::fflush(stdout);
 
@@ -107,12 +122,13 @@ int Main() {
         case JammingStage::BISECTION: {
           const double left = std::ceil(
               std::log2((step.phi_jammed - step.phi_unjammed) / FLAGS_epsilon));
-          return Format("bracket [%.7f, %.7f], at most %.0f more halvings, "
-                        "about %.0f s",
-                        step.phi_unjammed,
-                        step.phi_jammed,
-                        std::max(0.0, left),
-                        std::max(0.0, left) * mean);
+          return Format(
+              "bracket [%.7f, %.7f], at most %.0f more halvings, "
+              "about %.0f s",
+              step.phi_unjammed,
+              step.phi_jammed,
+              std::max(0.0, left),
+              std::max(0.0, left) * mean);
         }
         case JammingStage::DECOMPRESSION:
           return Format("error bar %.1e (to %.1e)", step.distance, finest);
@@ -123,13 +139,14 @@ int Main() {
     };
     options.solve.callback = [&](const IterationState& state) {
       if (progress.Due()) {
-        progress.Show(Format(
-            "%s | relaxation %d, iteration %lld: |g| / mean force %.1e",
-            stage_line.c_str(),
-            done + 1,
-            static_cast<long long>(state.counters.iterations),
-            state.scales.gradient > 0 ? state.max_gradient / state.scales.gradient
-                                      : 0.0));
+        progress.Show(
+            Format("%s | relaxation %d, iteration %lld: |g| / mean force %.1e",
+                   stage_line.c_str(),
+                   done + 1,
+                   static_cast<long long>(state.counters.iterations),
+                   state.scales.gradient > 0
+                       ? state.max_gradient / state.scales.gradient
+                       : 0.0));
       }
       return true;
     };
@@ -156,7 +173,8 @@ int Main() {
                     static_cast<long long>(s.counters.iterations),
                     static_cast<long long>(s.counters.evaluations),
                     s.seconds);
-      stage_line = std::string(JammingStageName(step.stage)) + ": " + estimate(step);
+      stage_line =
+          std::string(JammingStageName(step.stage)) + ": " + estimate(step);
       return true;
     };
     found = FindJamming(
@@ -233,44 +251,54 @@ int Main() {
               digits,
               result.phi_j,
               result.distance,
-              result.converged ? "" : "   NOT CONVERGED: error bar above what was asked");
-  std::printf("  jammed state  phi = %.*f, pressure %.4e, mean overlap / mean "
-              "radius %.1e\n",
-              digits,
-              result.phi_cr,
-              o.pressure,
-              o.mean_overlap / result.jammed.packing.MeanRadius());
-  std::printf("  error bar     (alpha - 1) p / p', p' = dp/dphi %s\n",
-              result.secant ? "measured along the branch" : "for fixed positions");
-  std::printf("  contacts      %d among %d rigid grains, z = %.4f (isostatic: %d, "
-              "excess %d); %d rattlers\n",
-              o.rigid_contacts,
-              o.rigid_grains,
-              o.coordination,
-              o.isostatic_contacts,
-              o.rigid_contacts - o.isostatic_contacts,
-              o.rattlers);
-  std::printf("  residual      %.1e mean forces, judged in quadruple precision\n",
-              judged);
+              result.converged
+                  ? ""
+                  : "   NOT CONVERGED: error bar above what was asked");
+  std::printf(
+      "  jammed state  phi = %.*f, pressure %.4e, mean overlap / mean "
+      "radius %.1e\n",
+      digits,
+      result.phi_cr,
+      o.pressure,
+      o.mean_overlap / result.jammed.packing.MeanRadius());
+  std::printf(
+      "  error bar     (alpha - 1) p / p', p' = dp/dphi %s\n",
+      result.secant ? "measured along the branch" : "for fixed positions");
+  std::printf(
+      "  contacts      %d among %d rigid grains, z = %.4f (isostatic: %d, "
+      "excess %d); %d rattlers\n",
+      o.rigid_contacts,
+      o.rigid_grains,
+      o.coordination,
+      o.isostatic_contacts,
+      o.rigid_contacts - o.isostatic_contacts,
+      o.rattlers);
+  std::printf(
+      "  residual      %.1e mean forces, judged in quadruple precision\n",
+      judged);
   if (result.cycles > 1) {
-    std::printf("  branches      %d: the earlier ones lost stability at a finite "
-                "pressure on the way down\n",
-                result.cycles);
+    std::printf(
+        "  branches      %d: the earlier ones lost stability at a finite "
+        "pressure on the way down\n",
+        result.cycles);
   }
-  std::printf("  work          %d relaxations, %lld iterations, %lld evaluations, "
-              "%.3g s\n",
-              result.relaxations,
-              static_cast<long long>(result.counters.iterations),
-              static_cast<long long>(result.counters.evaluations),
-              result.seconds);
-  std::printf("  meaning       +- is how far this state is above the jamming point of "
-              "its own branch;\n                another seed or protocol ends "
-              "elsewhere\n");
+  std::printf(
+      "  work          %d relaxations, %lld iterations, %lld evaluations, "
+      "%.3g s\n",
+      result.relaxations,
+      static_cast<long long>(result.counters.iterations),
+      static_cast<long long>(result.counters.evaluations),
+      result.seconds);
+  std::printf(
+      "  meaning       +- is how far this state is above the jamming point of "
+      "its own branch;\n                another seed or protocol ends "
+      "elsewhere\n");
   if (d == 2 && FLAGS_input.empty() && o.grains >= 64) {
     // The scatter of 256 to 4096 discs over seeds is about 0.06 / sqrt(N).
-    std::printf("  literature    0.8418 for N -> infinity and a rapid quench; single "
-                "packings of this size scatter by about %.4f\n",
-                0.06 / std::sqrt(static_cast<double>(o.grains)));
+    std::printf(
+        "  literature    0.8418 for N -> infinity and a rapid quench; single "
+        "packings of this size scatter by about %.4f\n",
+        0.06 / std::sqrt(static_cast<double>(o.grains)));
   }
   output.PrintFiles();
   return result.converged ? kConverged : kNotConverged;

@@ -21,17 +21,23 @@
 #include "granular/relaxation.h"
 
 DEFINE_double(phi, 0.8438, "packing fraction of a random start");
-DEFINE_double(absolute_tolerance,
-              0.0,
-              "if > 0: stop at max|g| <= this instead, in units k = 1, box = 1");
+DEFINE_double(
+    absolute_tolerance,
+    0.0,
+    "if > 0: stop at max|g| <= this instead, in units k = 1, box = 1");
 DEFINE_double(radius_factor, 1.0, "multiply all radii before relaxing");
 DEFINE_double(simple_shear, 0.0, "shear strain gamma: D = (1 gamma; 0 1)");
-DEFINE_double(pure_shear, 0.0, "strain gamma: D = diag(1 + gamma, 1/(1 + gamma))");
-DEFINE_double(perturb,
+DEFINE_double(pure_shear,
               0.0,
-              "random displacement of each coordinate, uniform in +-this, box = 1");
+              "strain gamma: D = diag(1 + gamma, 1/(1 + gamma))");
+DEFINE_double(
+    perturb,
+    0.0,
+    "random displacement of each coordinate, uniform in +-this, box = 1");
 DEFINE_double(max_seconds, 0.0, "give up after this time (0: never)");
-DEFINE_int64(max_evaluations, 0, "give up after this many evaluations (0: never)");
+DEFINE_int64(max_evaluations,
+             0,
+             "give up after this many evaluations (0: never)");
 
 namespace granopt {
 namespace {
@@ -80,11 +86,16 @@ int Main() {
   CheckScene(scene);
   Output output;
   output.Create(FLAGS_out,
-                {"summary.json", "packing.xyz", "contacts.csv", "trace.csv",
-                 "packing.svg", "packing.png", "trace.svg", "trace.png"});
-  std::printf("relax     %s (%s)\n",
-              Describe(packing).c_str(),
-              scene.origin.c_str());
+                {"summary.json",
+                 "packing.xyz",
+                 "contacts.csv",
+                 "trace.csv",
+                 "packing.svg",
+                 "packing.png",
+                 "trace.svg",
+                 "trace.png"});
+  std::printf(
+      "relax     %s (%s)\n", Describe(packing).c_str(), scene.origin.c_str());
   std::printf("          phi = %.6f, contact energy k delta^%g / %g, k = %g\n",
               packing.PackingFraction(),
               scene.energy.alpha,
@@ -100,18 +111,21 @@ int Main() {
     options.callback = [&](const IterationState& state) {
       if (progress.Due()) {
         const double scale = state.scales.gradient;
-        progress.Show(Format(
-            "iteration %lld, %.1f s: energy %.6e, |g| / mean force %.1e (to %.1e)",
-            static_cast<long long>(state.counters.iterations),
-            state.seconds,
-            state.cost,
-            state.max_gradient / scale,
-            options.absolute_tolerance > 0.0 ? options.absolute_tolerance / scale
-                                             : options.relative_tolerance));
+        progress.Show(
+            Format("iteration %lld, %.1f s: energy %.6e, |g| / mean force %.1e "
+                   "(to %.1e)",
+                   static_cast<long long>(state.counters.iterations),
+                   state.seconds,
+                   state.cost,
+                   state.max_gradient / scale,
+                   options.absolute_tolerance > 0.0
+                       ? options.absolute_tolerance / scale
+                       : options.relative_tolerance));
       }
       return true;
     };
-    if (!Relax(packing, scene.energy, *scene.solver, options, &result, &error)) {
+    if (!Relax(
+            packing, scene.energy, *scene.solver, options, &result, &error)) {
       BadInput(scene.origin + ": " + error);
     }
   }
@@ -125,7 +139,8 @@ int Main() {
   // How far the energy's own forces are from the judge's.
   double force_error = 0.0;
   {
-    const auto energy = ContactEnergy::Create(result.packing, scene.energy, &error);
+    const auto energy =
+        ContactEnergy::Create(result.packing, scene.energy, &error);
     if (energy == nullptr) BadInput(error);
     const std::vector<double> zero(energy->NumParameters(), 0.0);
     std::vector<double> gradient(zero.size());
@@ -170,27 +185,30 @@ int Main() {
   std::printf("  pressure      %.10e   shear stress %.3e\n",
               o.pressure,
               o.shear_stress);
-  std::printf("  contacts      %d, z = %.4f; rigid part: %d grains with %d "
-              "contacts (isostatic: %d)\n",
-              o.contacts,
-              o.coordination,
-              o.rigid_grains,
-              o.rigid_contacts,
-              o.isostatic_contacts);
+  std::printf(
+      "  contacts      %d, z = %.4f; rigid part: %d grains with %d "
+      "contacts (isostatic: %d)\n",
+      o.contacts,
+      o.coordination,
+      o.rigid_grains,
+      o.rigid_contacts,
+      o.isostatic_contacts);
   std::printf("  rattlers      %d of %d\n", o.rattlers, o.grains);
   std::printf("  mean force    %.4e   mean overlap / mean radius %.2e\n",
               o.mean_force,
               o.mean_overlap / packing.MeanRadius());
-  std::printf("  residual      %.1e mean forces, judged in quadruple precision "
-              "(forces agree to %.0e)\n",
-              judged,
-              force_error);
-  std::printf("  work          %lld iterations, %lld evaluations, %.3g s "
-              "(%.0f %% in the energy)\n",
-              static_cast<long long>(s.counters.iterations),
-              static_cast<long long>(s.counters.evaluations),
-              s.seconds,
-              s.seconds > 0 ? 100.0 * s.function_seconds / s.seconds : 0.0);
+  std::printf(
+      "  residual      %.1e mean forces, judged in quadruple precision "
+      "(forces agree to %.0e)\n",
+      judged,
+      force_error);
+  std::printf(
+      "  work          %lld iterations, %lld evaluations, %.3g s "
+      "(%.0f %% in the energy)\n",
+      static_cast<long long>(s.counters.iterations),
+      static_cast<long long>(s.counters.evaluations),
+      s.seconds,
+      s.seconds > 0 ? 100.0 * s.function_seconds / s.seconds : 0.0);
   output.PrintFiles();
   return s.Succeeded() ? kConverged : kNotConverged;
 }

@@ -21,10 +21,9 @@
 
 #include "Eigen/Core"
 #include "ceres/version.h"
-#include "glog/logging.h"
-
 #include "experiments/build_info.h"
 #include "generated/git_revision.h"
+#include "glog/logging.h"
 #include "granular/atomic_file.h"
 #include "granular/packing_io.h"
 #include "solvers/sparse_cholesky.h"
@@ -99,9 +98,13 @@ std::vector<std::string> LoadedBlas() {
     if (slash == std::string::npos) continue;
     const std::string path = line.substr(slash);
     const std::string file = path.substr(path.rfind('/') + 1);
-    for (const char* name :
-         {"libblas", "libopenblas", "libatlas", "libcblas", "libf77blas",
-          "libblis", "libmkl"}) {
+    for (const char* name : {"libblas",
+                             "libopenblas",
+                             "libatlas",
+                             "libcblas",
+                             "libf77blas",
+                             "libblis",
+                             "libmkl"}) {
       if (file.rfind(name, 0) == 0) found.insert(path);
     }
   }
@@ -278,16 +281,15 @@ Json Provenance() {
   json["cpu"] = FirstLineWith("/proc/cpuinfo", "model name");
   json["hardware_threads"] = std::thread::hardware_concurrency();
   json["threads"] = 1;
-  json["libraries"] = {
-      {"ceres", CERES_VERSION_STRING},
-      {"eigen",
-       Format("%d.%d.%d",
-              EIGEN_WORLD_VERSION,
-              EIGEN_MAJOR_VERSION,
-              EIGEN_MINOR_VERSION)},
-      {"sparse_cholesky", SparseCholesky::Library()},
-      {"glog", GRANOPT_GLOG_VERSION},
-      {"gflags", GRANOPT_GFLAGS_VERSION}};
+  json["libraries"] = {{"ceres", CERES_VERSION_STRING},
+                       {"eigen",
+                        Format("%d.%d.%d",
+                               EIGEN_WORLD_VERSION,
+                               EIGEN_MAJOR_VERSION,
+                               EIGEN_MINOR_VERSION)},
+                       {"sparse_cholesky", SparseCholesky::Library()},
+                       {"glog", GRANOPT_GLOG_VERSION},
+                       {"gflags", GRANOPT_GFLAGS_VERSION}};
   json["blas"] = {{"dgemm", DgemmLibrary()}, {"loaded", LoadedBlas()}};
   char when[32];
   const std::time_t now = std::time(nullptr);
@@ -360,7 +362,8 @@ std::string ContactsCsv(const Relaxation& relaxation) {
 
 std::string TraceCsv(const Summary& summary) {
   std::string csv =
-      "iteration,evaluations,energy,max_gradient,mean_force,vanishing,seconds\n";
+      "iteration,evaluations,energy,max_gradient,mean_force,vanishing,"
+      "seconds\n";
   for (const TraceRow& row : summary.trace) {
     csv += Format("%lld,%lld,%.17g,%.17g,%.17g,%.17g,%.6g\n",
                   static_cast<long long>(row.iteration),

@@ -1,4 +1,5 @@
-// granopt: what every experiment binary shares: flags, provenance, files, progress.
+// granopt: what every experiment binary shares: flags, provenance, files,
+// progress.
 
 #ifndef GRANOPT_EXPERIMENTS_RUN_H_
 #define GRANOPT_EXPERIMENTS_RUN_H_
@@ -8,10 +9,9 @@
 #include <vector>
 
 #include "gflags/gflags.h"
-#include "nlohmann/json.hpp"
-
 #include "granular/observables.h"
 #include "granular/relaxation.h"
+#include "nlohmann/json.hpp"
 #include "solvers/solver.h"
 
 DECLARE_string(out);
@@ -29,8 +29,8 @@ enum ExitStatus { kConverged = 0, kNotConverged = 1, kBadInput = 2 };
 // Prints "<binary>: <line>" to stderr and exits with kBadInput.
 [[noreturn]] void BadInput(const std::string& line);
 
-// Parses the flags; --help and --version print and exit 0, anything wrong with a
-// flag is one line and exit 2, and so is an argument that is no flag.
+// Parses the flags; --help and --version print and exit 0, anything wrong with
+// a flag is one line and exit 2, and so is an argument that is no flag.
 void ParseFlags(int* argc, char*** argv, const char* purpose);
 
 // True if the user gave the flag.
@@ -44,18 +44,22 @@ void CheckPositive(const char* flag, double value);
 // that bad input leaves nothing behind.
 class Output {
  public:
-  // Creates the folder; BadInput if that or writing in it is impossible. Files of an
-  // earlier run with the `names` of this experiment are removed, so that results of
-  // two runs are never mixed; summary.json is written last and marks a complete run.
+  // Creates the folder; BadInput if that or writing in it is impossible. Files
+  // of an earlier run with the `names` of this experiment are removed, so that
+  // results of two runs are never mixed; summary.json is written last and marks
+  // a complete run.
   void Create(const std::string& folder, const std::vector<std::string>& names);
   const std::string& folder() const { return folder_; }
-  std::string Path(const std::string& name) const { return folder_ + "/" + name; }
+  std::string Path(const std::string& name) const {
+    return folder_ + "/" + name;
+  }
   // Atomic; BadInput on failure (disk full, removed folder).
   void Write(const std::string& name, const std::string& content);
   void WritePacking(const std::string& name, const Packing& packing);
   void WriteJson(const std::string& name, const Json& json);
-  // Calls `plot.py arguments...`; false, with a line on stderr once, if python3 or
-  // matplotlib is missing or the script failed. Files named `made` are listed.
+  // Calls `plot.py arguments...`; false, with a line on stderr once, if python3
+  // or matplotlib is missing or the script failed. Files named `made` are
+  // listed.
   bool Plot(const std::vector<std::string>& arguments,
             const std::vector<std::string>& made);
   // "name" of every file written, in order.
@@ -68,8 +72,8 @@ class Output {
   std::vector<std::string> files_;
 };
 
-// git revision, compiler and flags, CPU, threads, library versions, the BLAS that
-// is loaded, seed, command line, time.
+// git revision, compiler and flags, CPU, threads, library versions, the BLAS
+// that is loaded, seed, command line, time.
 Json Provenance();
 
 // The fields that every relaxation reports (DESIGN, `relax`).
@@ -86,8 +90,8 @@ Packing Annotated(const Relaxation& relaxation,
 // "4096 discs, radii 0.0063 to 0.0089"
 std::string Describe(const Packing& packing);
 
-// A line that is rewritten in place on a terminal, and printed every ten seconds
-// otherwise.
+// A line that is rewritten in place on a terminal, and printed every ten
+// seconds otherwise.
 class Progress {
  public:
   Progress();
@@ -105,7 +109,8 @@ class Progress {
 };
 
 // printf into a string.
-std::string Format(const char* format, ...) __attribute__((format(printf, 1, 2)));
+std::string Format(const char* format, ...)
+    __attribute__((format(printf, 1, 2)));
 
 }  // namespace granopt
 

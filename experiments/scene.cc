@@ -10,8 +10,12 @@
 #include "granular/packing_io.h"
 #include "solvers/registry.h"
 
-DEFINE_string(input, "", "extended XYZ file to start from (instead of a random start)");
-DEFINE_int32(particles, 1024, "grains of a random start, half of them 1.4 times larger");
+DEFINE_string(input,
+              "",
+              "extended XYZ file to start from (instead of a random start)");
+DEFINE_int32(particles,
+             1024,
+             "grains of a random start, half of them 1.4 times larger");
 DEFINE_int32(dimension, 2, "dimension of a random start: 2 or 3");
 DEFINE_double(alpha,
               2.0,
@@ -20,12 +24,17 @@ DEFINE_double(alpha,
 DEFINE_string(solver,
               "ceres_lbfgs:scaled=1,differences=1,restarts=10",
               "method as name:key=value,... (see --list_solvers)");
-DEFINE_double(tolerance, 1e-10, "stop at max|g| <= tolerance * mean contact force");
-DEFINE_double(zero_pressure,
-              1e-13,
-              "unjammed if (p / (k r^(alpha-d)))^(1/(alpha-1)) and mean overlap / r "
-              "are below this (about a distance in phi)");
-DEFINE_bool(list_solvers, false, "print the methods with their options and exit");
+DEFINE_double(tolerance,
+              1e-10,
+              "stop at max|g| <= tolerance * mean contact force");
+DEFINE_double(
+    zero_pressure,
+    1e-13,
+    "unjammed if (p / (k r^(alpha-d)))^(1/(alpha-1)) and mean overlap / r "
+    "are below this (about a distance in phi)");
+DEFINE_bool(list_solvers,
+            false,
+            "print the methods with their options and exit");
 
 namespace granopt {
 
@@ -59,7 +68,8 @@ Scene MakeScene(double phi) {
     options.particles = FLAGS_particles;
     options.packing_fraction = phi;
     options.seed = FLAGS_seed;
-    if (!GeneratePacking(options, &scene.packing, &error)) BadInput("--" + error);
+    if (!GeneratePacking(options, &scene.packing, &error))
+      BadInput("--" + error);
     scene.origin = "seed " + std::to_string(FLAGS_seed);
   }
 
@@ -87,14 +97,15 @@ Scene MakeScene(double phi) {
 
 void CheckScene(const Scene& scene) {
   std::string error;
-  const auto energy = ContactEnergy::Create(scene.packing, scene.energy, &error);
+  const auto energy =
+      ContactEnergy::Create(scene.packing, scene.energy, &error);
   if (energy == nullptr) BadInput(scene.origin + ": " + error);
   const std::vector<double> zero(energy->NumParameters(), 0.0);
   for (const Contact& contact : energy->Contacts(zero.data())) {
     if (contact.distance > 0.0) continue;
-    BadInput(scene.origin +
-             Format(": grains %d and %d are at the same place", contact.id.i,
-                    contact.id.j));
+    BadInput(scene.origin + Format(": grains %d and %d are at the same place",
+                                   contact.id.i,
+                                   contact.id.j));
   }
 }
 

@@ -1,5 +1,5 @@
-// granopt: the flags that say which packing an experiment starts from, with which
-// law and which method.
+// granopt: the flags that say which packing an experiment starts from, with
+// which law and which method.
 
 #ifndef GRANOPT_EXPERIMENTS_SCENE_H_
 #define GRANOPT_EXPERIMENTS_SCENE_H_
@@ -8,7 +8,6 @@
 #include <string>
 
 #include "gflags/gflags.h"
-
 #include "granular/contact_energy.h"
 #include "granular/packing.h"
 #include "solvers/solver.h"
@@ -32,13 +31,14 @@ struct Scene {
   std::string origin;
 };
 
-// Reads or generates the packing (`phi` and FLAGS_seed for a generated one), makes
-// the method, checks --alpha, --tolerance and --zero_pressure; BadInput on any
-// fault. Prints the methods and exits on --list_solvers.
+// Reads or generates the packing (`phi` and FLAGS_seed for a generated one),
+// makes the method, checks --alpha, --tolerance and --zero_pressure; BadInput
+// on any fault. Prints the methods and exits on --list_solvers.
 Scene MakeScene(double phi);
 
-// BadInput if the energy refuses the packing, or if two grains are at one place, where
-// their force has no direction. MakeScene() calls it; call it again after a load.
+// BadInput if the energy refuses the packing, or if two grains are at one
+// place, where their force has no direction. MakeScene() calls it; call it
+// again after a load.
 void CheckScene(const Scene& scene);
 
 // Relative tolerance and the bound under which a packing counts as unjammed.

@@ -7,9 +7,9 @@
 
 namespace granopt {
 
-// Writes `content` to a temporary file beside `path`, syncs it and renames it to
-// `path`. On failure `path` is as before, and `error` has one line with the path
-// and the system's reason.
+// Writes `content` to a temporary file beside `path`, syncs it and renames it
+// to `path`. On failure `path` is as before, and `error` has one line with the
+// path and the system's reason.
 bool WriteFileAtomically(const std::string& path,
                          const std::string& content,
                          std::string* error);

@@ -152,7 +152,8 @@ void ContactEnergy::SetReferencePairs() const {
         square = square + r * r;
       }
       const DoubleDouble distance = Sqrt(square);
-      // A positive d0 keeps the kernel's quotient defined for coincident centres.
+      // A positive d0 keeps the kernel's quotient defined for coincident
+      // centres.
       pair.d0 = std::max(distance.hi, std::numeric_limits<double>::min());
       pair.delta0 =
           (TwoSum(packing_.radii[i], packing_.radii[j]) - distance).Value();
@@ -207,7 +208,8 @@ bool ContactEnergy::EvaluateWithScales(const double* u,
                                        double* gradient,
                                        Scales* scales) const {
   if (!Prepare(u)) return false;
-  const ContactSums sums = kernel_->Evaluate(View(), workspace_.data(), gradient);
+  const ContactSums sums =
+      kernel_->Evaluate(View(), workspace_.data(), gradient);
   *energy = sums.energy;
   if (sums.contacts > 0) {
     last_overlap_ = sums.overlap / static_cast<double>(sums.contacts);
@@ -216,11 +218,10 @@ bool ContactEnergy::EvaluateWithScales(const double* u,
   }
   if (scales != nullptr) {
     scales->length = last_overlap_;
-    scales->gradient =
-        sums.contacts > 0 ? sums.force / static_cast<double>(sums.contacts)
-                          : 0.0;
-    const double pressure =
-        sums.virial / (dimension_ * packing_.box.Volume());
+    scales->gradient = sums.contacts > 0
+                           ? sums.force / static_cast<double>(sums.contacts)
+                           : 0.0;
+    const double pressure = sums.virial / (dimension_ * packing_.box.Volume());
     const double unit = options_.stiffness *
                         std::pow(mean_radius_, options_.alpha - dimension_);
     // The pressure alone would call a few deep overlaps in a wide cell nothing.
@@ -248,7 +249,8 @@ bool ContactEnergy::Recenter(const double* u) {
 bool ContactEnergy::Rebase(double* u) {
   // Prepare() makes sure that u is served before anything is moved.
   if (!Prepare(u)) return false;
-  // Not wrapped: images, the names of gaps, stay as they are, and so does the list.
+  // Not wrapped: images, the names of gaps, stay as they are, and so does the
+  // list.
   packing_ = Configuration(u);
   for (int v = 0; v < NumParameters(); ++v) {
     u_list_[v] -= u[v];
@@ -333,8 +335,7 @@ bool ContactEnergy::EvaluateGaps(const double* u, Gaps* gaps) const {
       const int j = list_.j[p];
       gaps->ids[p] = {i, j, list_.image[p]};
       gaps->delta[p] = states[p].delta;
-      gaps->stiffness[p] =
-          pair_stiffness_.empty() ? 1.0 : pair_stiffness_[p];
+      gaps->stiffness[p] = pair_stiffness_.empty() ? 1.0 : pair_stiffness_[p];
       if (i == j) continue;
       for (int k = 0; k < d; ++k) {
         entries.emplace_back(p, d * i + k, -states[p].normal[k]);
@@ -350,8 +351,7 @@ Packing ContactEnergy::Configuration(const double* u) const {
   Packing result = packing_;
   for (int i = 0; i < num_grains_; ++i) {
     for (int k = 0; k < dimension_; ++k) {
-      result.SetPosition(
-          i, k, packing_.Position(i, k) + u[dimension_ * i + k]);
+      result.SetPosition(i, k, packing_.Position(i, k) + u[dimension_ * i + k]);
     }
   }
   return result;
@@ -370,8 +370,7 @@ std::vector<Contact> ContactEnergy::Contacts(const double* u) const {
       contact.id = {i, list_.j[p], list_.image[p]};
       contact.overlap = state.delta;
       contact.distance = state.distance;
-      contact.normal =
-          Eigen::Map<const SmallVector>(state.normal, dimension_);
+      contact.normal = Eigen::Map<const SmallVector>(state.normal, dimension_);
       contact.force = state.force;
       contact.stiffness = state.stiffness;
       contacts.push_back(contact);

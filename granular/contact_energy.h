@@ -33,16 +33,16 @@ struct ContactEnergyOptions {
 // A pair of grains that touch.
 struct Contact {
   GapId id;
-  double overlap = 0.0;             // delta_c (7)
-  double distance = 0.0;            // l_c (3)
-  SmallVector normal;               // n_c (3), from j to i
-  double force = 0.0;               // |f_c| (8)
-  double stiffness = 0.0;           // d|f_c| / d delta_c
+  double overlap = 0.0;    // delta_c (7)
+  double distance = 0.0;   // l_c (3)
+  SmallVector normal;      // n_c (3), from j to i
+  double force = 0.0;      // |f_c| (8)
+  double stiffness = 0.0;  // d|f_c| / d delta_c
 };
 
 // E(u) = sum over pairs of k_ij (delta_ij v 0)^alpha / alpha  (4)-(6), as a
-// function of displacements u (d N entries, grain by grain) from the positions of
-// the packing given: u = 0 is that packing, exactly.
+// function of displacements u (d N entries, grain by grain) from the positions
+// of the packing given: u = 0 is that packing, exactly.
 //
 // Gaps are evaluated by differences from a reference configuration that
 // Recenter() moves along (see contact_kernel.h and README, design); E, gradient
@@ -50,10 +50,10 @@ struct Contact {
 // neighbour list that happens to be in use.
 //
 // Scales: gradient = mean contact force, length = mean overlap, vanishing = the
-// larger of (p / (k r^(alpha-d)))^(1/(alpha-1)) and mean overlap / r with the mean
-// radius r, both of the order of a distance in packing fraction. Grains whose centres coincide exactly
-// exert no force on each other (the direction is not defined) though they have
-// energy.
+// larger of (p / (k r^(alpha-d)))^(1/(alpha-1)) and mean overlap / r with the
+// mean radius r, both of the order of a distance in packing fraction. Grains
+// whose centres coincide exactly exert no force on each other (the direction is
+// not defined) though they have energy.
 class ContactEnergy : public UnilateralFunction {
  public:
   // Returns null and one line in `error` for a packing that is not valid, an
@@ -83,8 +83,8 @@ class ContactEnergy : public UnilateralFunction {
   double Exponent() const override { return options_.alpha; }
   bool EvaluateGaps(const double* u, Gaps* gaps) const override;
 
-  // The packing at displacement u, not wrapped, positions rounded to double-double
-  // once.
+  // The packing at displacement u, not wrapped, positions rounded to
+  // double-double once.
   Packing Configuration(const double* u) const;
   // The contacts of that packing, in increasing order of id.
   std::vector<Contact> Contacts(const double* u) const;
@@ -98,8 +98,8 @@ class ContactEnergy : public UnilateralFunction {
  private:
   ContactEnergy(const Packing& packing, const ContactEnergyOptions& options);
 
-  // w = u - u_ref in workspace_; rebuilds the list if a grain has left its skin.
-  // False where u is not finite or astronomically large.
+  // w = u - u_ref in workspace_; rebuilds the list if a grain has left its
+  // skin. False where u is not finite or astronomically large.
   bool Prepare(const double* u) const;
   bool BuildList(const double* u, std::string* error) const;
   void SetReferencePairs() const;

@@ -96,9 +96,9 @@ class Kernel final : public ContactKernel {
 
  private:
   // Two passes. The first runs over pairs without a branch that depends on the
-  // data, so that square roots and divisions overlap; the second adds forces up.
-  // An open gap adds exact zeros: results do not depend on which open gaps the list
-  // holds.
+  // data, so that square roots and divisions overlap; the second adds forces
+  // up. An open gap adds exact zeros: results do not depend on which open gaps
+  // the list holds.
   template <bool kGradient, bool kStiffness>
   ContactSums Sweep(const PairView& pairs,
                     const double* w,
@@ -121,8 +121,7 @@ class Kernel final : public ContactKernel {
         d2 += r[c] * r[c];
       }
       const double d = std::sqrt(d2);
-      const double delta =
-          std::max(ref.delta0 - change / (d + ref.d0), 0.0);
+      const double delta = std::max(ref.delta0 - change / (d + ref.d0), 0.0);
       const double k = kStiffness ? pairs.stiffness[p] : 1.0;
       const double force = k * law_.Force(delta);
       energy += k * law_.Energy(delta);

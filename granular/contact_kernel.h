@@ -11,8 +11,8 @@
 
 namespace granopt {
 
-// A pair at the reference configuration: separation r0 = x_i - x_j + H image, its
-// length d0 and the overlap delta0 = r_i + r_j - d0, each rounded once from
+// A pair at the reference configuration: separation r0 = x_i - x_j + H image,
+// its length d0 and the overlap delta0 = r_i + r_j - d0, each rounded once from
 // double-double.
 struct ReferencePair {
   double r0[3];
@@ -20,8 +20,8 @@ struct ReferencePair {
   double delta0;
 };
 
-// Pairs (i, j) compressed by their first grain. `stiffness` may be null (all 1);
-// `pair_force` is a workspace of d entries a pair.
+// Pairs (i, j) compressed by their first grain. `stiffness` may be null (all
+// 1); `pair_force` is a workspace of d entries a pair.
 struct PairView {
   int num_grains = 0;
   const int* row_start = nullptr;
@@ -33,10 +33,10 @@ struct PairView {
 };
 
 struct ContactSums {
-  double energy = 0.0;    // sum k delta^alpha / alpha
-  double force = 0.0;     // sum f
-  double overlap = 0.0;   // sum delta
-  double virial = 0.0;    // sum f l
+  double energy = 0.0;   // sum k delta^alpha / alpha
+  double force = 0.0;    // sum f
+  double overlap = 0.0;  // sum delta
+  double virial = 0.0;   // sum f l
   std::int64_t contacts = 0;
 };
 
@@ -58,7 +58,8 @@ class ContactKernel {
  public:
   virtual ~ContactKernel() = default;
 
-  // Sums over all pairs; gradient (d entries a grain) is overwritten, may be null.
+  // Sums over all pairs; gradient (d entries a grain) is overwritten, may be
+  // null.
   virtual ContactSums Evaluate(const PairView& pairs,
                                const double* w,
                                double* gradient) const = 0;
@@ -73,7 +74,8 @@ class ContactKernel {
   // to the lower triangle of a column-compressed matrix with one block row and
   // column a grain: K to the diagonal blocks of i and j, -K to block (j, i).
   // `rank[p]` is the place of pair p's block below the diagonal of its column,
-  // `column_start` has one entry per scalar column. `values` must be zero before.
+  // `column_start` has one entry per scalar column. `values` must be zero
+  // before.
   virtual void AddHessian(const PairView& pairs,
                           const double* w,
                           const int* rank,

@@ -1,10 +1,10 @@
 // granopt: sums and products whose rounding error is kept.
 //
 // A position is the exact sum of two doubles, hi + lo with |lo| <= ulp(hi) / 2:
-// differences of positions then keep about 32 digits, which is what makes contact
-// forces exact relative to the mean force at any distance from jamming. Only the
-// few operations that a pair needs are here; the compiler must not be allowed to
-// reassociate (no -ffast-math).
+// differences of positions then keep about 32 digits, which is what makes
+// contact forces exact relative to the mean force at any distance from jamming.
+// Only the few operations that a pair needs are here; the compiler must not be
+// allowed to reassociate (no -ffast-math).
 //
 // Source: Dekker, Numer. Math. 18 (1971) 224 (FastTwoSum, products); Knuth, The
 // Art of Computer Programming 2, 4.2.2 (TwoSum).

@@ -43,10 +43,11 @@ class Protocol {
       return false;
     }
     if (verdict == JammingVerdict::JAMMED) {
-      return Fail("the start is jammed already at phi_init = %.6f (p = %.3e): "
-                  "begin lower",
-                  options_.phi_init,
-                  state.observables.pressure);
+      return Fail(
+          "the start is jammed already at phi_init = %.6f (p = %.3e): "
+          "begin lower",
+          options_.phi_init,
+          state.observables.pressure);
     }
     result_->start = state.packing;
     result_->unjammed = state.packing;
@@ -150,17 +151,17 @@ class Protocol {
     result_->phi_j = result_->phi_cr - result_->distance;
   }
 
-  // Down the branch; at least one step, which measures p'. The affine slope is too
-  // steep, so the first step stays on the branch. Sets `fell`, with the unjammed
-  // state in `reference`, if the branch ends well above its extrapolation.
+  // Down the branch; at least one step, which measures p'. The affine slope is
+  // too steep, so the first step stays on the branch. Sets `fell`, with the
+  // unjammed state in `reference`, if the branch ends well above its
+  // extrapolation.
   bool Decompress(bool* fell, Packing* reference) {
     const bool follow = std::isfinite(options_.error_bar);
     double fraction = 0.5;
     int failures = 0;
-    for (int step = 0;
-         step < kMaxDecompressions &&
-         (!result_->secant ||
-          (follow && result_->distance > options_.error_bar));
+    for (int step = 0; step < kMaxDecompressions &&
+                       (!result_->secant ||
+                        (follow && result_->distance > options_.error_bar));
          ++step) {
       const double phi = result_->phi_cr - fraction * result_->distance;
       if (!(phi < result_->phi_cr)) return true;  // below the last digit
@@ -215,12 +216,7 @@ class Protocol {
     const Packing* start = &packing;
     Packing again;
     for (int attempt = 1;; ++attempt) {
-      if (!Relax(*start,
-                 options_.energy,
-                 solver_,
-                 solve,
-                 state,
-                 error_)) {
+      if (!Relax(*start, options_.energy, solver_, solve, state, error_)) {
         return false;
       }
       ++result_->relaxations;
@@ -241,14 +237,15 @@ class Protocol {
       }
       if (*verdict != JammingVerdict::UNDECIDED) return true;
       if (attempt == options_.max_attempts) {
-        return Fail("undecided at phi = %.10f after %d attempts: max|g| = %.2e "
-                    "mean forces > %.1e, p = %.3e (%s)",
-                    packing.PackingFraction(),
-                    attempt,
-                    state->observables.relative_residual,
-                    options_.undecided_residual,
-                    state->observables.pressure,
-                    state->summary.message.c_str());
+        return Fail(
+            "undecided at phi = %.10f after %d attempts: max|g| = %.2e "
+            "mean forces > %.1e, p = %.3e (%s)",
+            packing.PackingFraction(),
+            attempt,
+            state->observables.relative_residual,
+            options_.undecided_residual,
+            state->observables.pressure,
+            state->summary.message.c_str());
       }
       again = state->packing;
       start = &again;

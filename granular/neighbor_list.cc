@@ -45,12 +45,13 @@ bool BuildNeighborList(const Box& given_box,
   int smallest;
   if (radii.minCoeff(&smallest) < radii.maxCoeff() / kMostRatio) {
     char line[96];
-    std::snprintf(line,
-                  sizeof(line),
-                  "grain %d: radius = %g is more than 1e9 times smaller than the "
-                  "largest",
-                  smallest,
-                  radii[smallest]);
+    std::snprintf(
+        line,
+        sizeof(line),
+        "grain %d: radius = %g is more than 1e9 times smaller than the "
+        "largest",
+        smallest,
+        radii[smallest]);
     *error = line;
     return false;
   }
@@ -112,9 +113,8 @@ bool BuildNeighborList(const Box& given_box,
     if (population[a] == 0) continue;
     const double width = 2.0 * l.max_radius + skin;
     // No more cells a side than the grains can fill.
-    const int most = static_cast<int>(
-                         std::ceil(std::pow(2.0 * population[a], 1.0 / d))) +
-                     1;
+    const int most =
+        static_cast<int>(std::ceil(std::pow(2.0 * population[a], 1.0 / d))) + 1;
     int total = 1;
     for (int k = 0; k < d; ++k) {
       const double fit = std::floor(box.Height(k) / width);
@@ -153,8 +153,7 @@ bool BuildNeighborList(const Box& given_box,
         if (!(steps <= static_cast<double>(kMaxImages) * l.cells[k])) {
           *error = "grain " + std::to_string(i) + ": range " +
                    std::to_string(range) + " needs more than " +
-                   std::to_string(kMaxImages) +
-                   " images of a cell of height " +
+                   std::to_string(kMaxImages) + " images of a cell of height " +
                    std::to_string(box.Height(k));
           return false;
         }
@@ -187,7 +186,8 @@ bool BuildNeighborList(const Box& given_box,
             const int cell = cell_index(l, c);
             for (int q = l.start[cell]; q < l.start[cell + 1]; ++q) {
               const int j = l.members[q];
-              // j's image is at x_j + H cell_image: r = x_i - x_j - H cell_image.
+              // j's image is at x_j + H cell_image: r = x_i - x_j - H
+              // cell_image.
               if (a == level[i] && (j < i || (j == i && !shifted))) continue;
               if (j == i && IsPositive(cell_image)) continue;
               double r2 = 0.0;
@@ -219,9 +219,10 @@ bool BuildNeighborList(const Box& given_box,
       }
     }
   }
-  if (entries.size() > static_cast<std::size_t>(
-                           std::numeric_limits<int>::max() / 8)) {
-    *error = "more than " + std::to_string(std::numeric_limits<int>::max() / 8) +
+  if (entries.size() >
+      static_cast<std::size_t>(std::numeric_limits<int>::max() / 8)) {
+    *error = "more than " +
+             std::to_string(std::numeric_limits<int>::max() / 8) +
              " near pairs";
     return false;
   }

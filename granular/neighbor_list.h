@@ -13,9 +13,10 @@ namespace granopt {
 
 // All pairs (i, j, image) with
 //   |x_i - x_j + H image| < r_i + r_j + skin,
-// each once: i < j, or i = j with an image whose first non-zero entry is positive
-// (a grain that touches itself across the cell). Rows are compressed by i and
-// sorted by (j, image), so that sums over contacts do not depend on the skin.
+// each once: i < j, or i = j with an image whose first non-zero entry is
+// positive (a grain that touches itself across the cell). Rows are compressed
+// by i and sorted by (j, image), so that sums over contacts do not depend on
+// the skin.
 struct NeighborList {
   std::vector<int> row_start;  // N + 1
   std::vector<int> i, j;
@@ -25,15 +26,16 @@ struct NeighborList {
 };
 
 // Cells shorter than the range are served by as many images as needed; beyond 8
-// in one direction (a cell height of an eighth of the range) the search is refused.
+// in one direction (a cell height of an eighth of the range) the search is
+// refused.
 constexpr int kMaxImages = 8;
 
 // Multi-level cell grid: grains are binned by size (factors of 2) and each is
 // looked up in the grids of its own and of all coarser levels, so that the cost
-// stays O(N) per level for any mixture of sizes. The search runs in a reduced cell, so
-// that any shear is served alike. Positions (d x N) may lie in any image; radii N
-// entries; skin >= 0. Returns false and one line in `error` where
-// the search is refused.
+// stays O(N) per level for any mixture of sizes. The search runs in a reduced
+// cell, so that any shear is served alike. Positions (d x N) may lie in any
+// image; radii N entries; skin >= 0. Returns false and one line in `error`
+// where the search is refused.
 bool BuildNeighborList(const Box& box,
                        const Eigen::MatrixXd& positions,
                        const Eigen::VectorXd& radii,

@@ -10,9 +10,10 @@
 
 namespace granopt {
 
-// Half the sum and half the difference of the extreme eigenvalues of a symmetric
-// tensor: in 2D the isotropic (l1 + l2) / 2 and deviatoric |l1 - l2| / 2 of the
-// paper's Fig. 8; in 3D the mean of the three and (l_max - l_min) / 2.
+// Half the sum and half the difference of the extreme eigenvalues of a
+// symmetric tensor: in 2D the isotropic (l1 + l2) / 2 and deviatoric |l1 - l2|
+// / 2 of the paper's Fig. 8; in 3D the mean of the three and (l_max - l_min)
+// / 2.
 struct TensorParts {
   double isotropic = 0.0;
   double deviatoric = 0.0;
@@ -39,11 +40,11 @@ struct Observables {
   double mean_overlap = 0.0;
   double smallest_force = 0.0;  // over the rigid part, see below
 
-  // The rigid part: grains left after removing, again and again, those with fewer
-  // than d + 1 contacts.
-  int rattlers = 0;          // N - N'
-  int rigid_grains = 0;      // N'
-  int rigid_contacts = 0;    // N_c, among them
+  // The rigid part: grains left after removing, again and again, those with
+  // fewer than d + 1 contacts.
+  int rattlers = 0;           // N - N'
+  int rigid_grains = 0;       // N'
+  int rigid_contacts = 0;     // N_c, among them
   double coordination = 0.0;  // z = 2 N_c / N' (14); 0 without a rigid part
   // d N' - d + 1: the number of contacts of a packing in a fixed periodic cell
   // exactly at jamming (2 N' - 1 in 2D, 3 N' - 2 in 3D).
@@ -56,9 +57,9 @@ struct Observables {
   std::vector<bool> is_rattler;  // N
 };
 
-// Deviations: (14) is read as z = 2 N_c / N' (each contact counts for both of its
-// grains), since only then does it tend to the paper's z_0 = 4; and grains with
-// too few contacts are removed recursively, the paper removes them once.
+// Deviations: (14) is read as z = 2 N_c / N' (each contact counts for both of
+// its grains), since only then does it tend to the paper's z_0 = 4; and grains
+// with too few contacts are removed recursively, the paper removes them once.
 Observables Measure(const Packing& packing,
                     const std::vector<Contact>& contacts,
                     double energy);

@@ -12,8 +12,7 @@ constexpr double kPi = 3.14159265358979323846;
 
 std::string GrainError(int i, const char* what, double value) {
   char line[160];
-  std::snprintf(
-      line, sizeof(line), "grain %d: %s = %.17g ", i, what, value);
+  std::snprintf(line, sizeof(line), "grain %d: %s = %.17g ", i, what, value);
   return line;
 }
 
@@ -50,7 +49,8 @@ bool Packing::IsValid(std::string* error) const {
     // Beyond 1e6 cells the image numbers lose their meaning.
     for (int k = 0; k < d; ++k) {
       double cells = 0.0;
-      for (int c = 0; c < d; ++c) cells += box.inverse()(k, c) * positions(c, i);
+      for (int c = 0; c < d; ++c)
+        cells += box.inverse()(k, c) * positions(c, i);
       if (!(std::abs(cells) <= 1e6)) {
         return fail(GrainError(i, "position in cells", cells) +
                     "is far outside");

@@ -14,14 +14,15 @@
 
 namespace granopt {
 
-// Discs (d = 2) or spheres (d = 3). Positions are exact sums of two doubles, see
-// double_double.h. A grain's index is its name: nothing here reorders grains.
+// Discs (d = 2) or spheres (d = 3). Positions are exact sums of two doubles,
+// see double_double.h. A grain's index is its name: nothing here reorders
+// grains.
 struct Packing {
   Box box;
-  Eigen::MatrixXd positions;      // d x N, any image
-  Eigen::MatrixXd positions_low;  // d x N, or empty: all zero
-  Eigen::VectorXd radii;          // N, > 0
-  Eigen::VectorXd stiffness;      // N, > 0, or empty: 1 for every grain
+  Eigen::MatrixXd positions;         // d x N, any image
+  Eigen::MatrixXd positions_low;     // d x N, or empty: all zero
+  Eigen::VectorXd radii;             // N, > 0
+  Eigen::VectorXd stiffness;         // N, > 0, or empty: 1 for every grain
   std::vector<std::string> species;  // N, or empty: all "A"
   // Further key=value pairs of a file's comment line (alpha, k, seed, ...).
   std::map<std::string, std::string> attributes;
@@ -41,9 +42,9 @@ struct Packing {
     positions_low(k, i) = x.lo;
   }
 
-  // True if the packing can be simulated; otherwise one line in `error` with the
-  // grain and the value at fault: sizes that disagree, no grain, a singular cell,
-  // a non-finite coordinate, a radius or stiffness that is not positive.
+  // True if the packing can be simulated; otherwise one line in `error` with
+  // the grain and the value at fault: sizes that disagree, no grain, a singular
+  // cell, a non-finite coordinate, a radius or stiffness that is not positive.
   bool IsValid(std::string* error) const;
 
   // phi = sum_i v_i / V with v = pi r^2 (eq. 1) or 4 pi r^3 / 3.
@@ -62,8 +63,8 @@ struct Packing {
   // coordinate. The same seed gives the same numbers on every machine.
   void Perturb(double amplitude, std::uint64_t seed);
 
-  // Moves every grain into the cell (exactly, by lattice vectors); returns n_i of
-  // x_i <- x_i - H n_i.
+  // Moves every grain into the cell (exactly, by lattice vectors); returns n_i
+  // of x_i <- x_i - H n_i.
   std::vector<Image> Wrap();
 };
 

@@ -45,8 +45,7 @@ bool GeneratePacking(const GeneratorOptions& options,
     return fail("particles = " + std::to_string(n) + " must be in [1, " +
                 std::to_string(kMostGrains) + "]");
   }
-  if (!(options.packing_fraction > 0.0) ||
-      !(options.packing_fraction <= 4.0)) {
+  if (!(options.packing_fraction > 0.0) || !(options.packing_fraction <= 4.0)) {
     return fail("phi = " + std::to_string(options.packing_fraction) +
                 " must be in (0, 4]");
   }
@@ -80,9 +79,10 @@ bool GeneratePacking(const GeneratorOptions& options,
   int next = 0;
   for (std::size_t s = 0; s < options.species.size(); ++s) {
     cumulated += options.species[s].number_fraction / fractions;
-    const int end = s + 1 == options.species.size()
-                        ? n
-                        : std::min(n, static_cast<int>(std::lround(cumulated * n)));
+    const int end =
+        s + 1 == options.species.size()
+            ? n
+            : std::min(n, static_cast<int>(std::lround(cumulated * n)));
     for (; next < end; ++next) kind[next] = static_cast<int>(s);
   }
   for (int i = n - 1; i > 0; --i) {

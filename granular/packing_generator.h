@@ -30,8 +30,8 @@ struct GeneratorOptions {
 // Uniform random centres in the unit square or cube, radii so that the packing
 // fraction is the one asked for; grains overlap. Grains are numbered along a
 // Morton curve through the cell, so that neighbours in space are neighbours in
-// memory; species are drawn independently of place. Returns false and one line in
-// `error` for options out of range.
+// memory; species are drawn independently of place. Returns false and one line
+// in `error` for options out of range.
 bool GeneratePacking(const GeneratorOptions& options,
                      Packing* packing,
                      std::string* error);

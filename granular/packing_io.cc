@@ -221,8 +221,7 @@ class Parser {
       };
       if (tokens.size() == 3 && is(0, 'T') && is(1, 'T') && is(2, 'F')) {
         dimension = 2;
-      } else if (tokens.size() == 3 && is(0, 'T') && is(1, 'T') &&
-                 is(2, 'T')) {
+      } else if (tokens.size() == 3 && is(0, 'T') && is(1, 'T') && is(2, 'T')) {
         dimension = 3;
       } else {
         return Fail("pbc=" + Quoted(text) +
@@ -248,8 +247,8 @@ class Parser {
     const auto check = [this](const Column* c, const char* as) {
       const std::string expected = as;
       if (c == nullptr) return true;
-      const std::string actual = c->name + ":" + c->type + ":" +
-                                 std::to_string(c->count);
+      const std::string actual =
+          c->name + ":" + c->type + ":" + std::to_string(c->count);
       return actual == expected ||
              Fail("Properties: " + Quoted(actual) + " must be " + expected);
     };
@@ -289,9 +288,8 @@ class Parser {
       }
       const auto real = [&](const Column* c, int k, double* value) {
         const std::string_view token = tokens[c->first + k];
-        return ParseReal(token, value) ||
-               Fail(c->name + " = " + Quoted(token) +
-                    " is not a finite number");
+        return ParseReal(token, value) || Fail(c->name + " = " + Quoted(token) +
+                                               " is not a finite number");
       };
       for (int k = 0; k < 3; ++k) {
         if (!real(position, k, &x(k, i))) return false;
@@ -329,11 +327,13 @@ class Parser {
       dimension = (x.row(2).array() == x(2, 0)).all() ? 2 : 3;
     }
     if (dimension == 2 && (lattice[2] != 0.0 || lattice[5] != 0.0)) {
-      return Fail("the first two edges of a cell of discs must lie in the plane");
+      return Fail(
+          "the first two edges of a cell of discs must lie in the plane");
     }
     SmallMatrix edges(dimension, dimension);
     for (int edge = 0; edge < dimension; ++edge) {
-      for (int k = 0; k < dimension; ++k) edges(k, edge) = lattice[3 * edge + k];
+      for (int k = 0; k < dimension; ++k)
+        edges(k, edge) = lattice[3 * edge + k];
     }
     result.box = Box(edges);
     if (!result.box.IsValid()) {
@@ -400,15 +400,15 @@ bool CanBeWritten(const Packing& packing, std::string* problem) {
     const std::string& species = packing.species[i];
     if (species.empty() ||
         species.find_first_of(" \t\r\n") != std::string::npos) {
-      *problem = "grain " + std::to_string(i) + ": species = " +
-                 Quoted(species) + " must be one word";
+      *problem = "grain " + std::to_string(i) +
+                 ": species = " + Quoted(species) + " must be one word";
       return false;
     }
   }
   for (const auto& attribute : packing.attributes) {
     for (const char* taken : {"", "Lattice", "Properties", "pbc"}) {
       if (attribute.first == taken) {
-          *problem = "an attribute cannot be named " + Quoted(taken);
+        *problem = "an attribute cannot be named " + Quoted(taken);
         return false;
       }
     }
@@ -425,7 +425,9 @@ bool ParsePacking(const std::string& text,
   return Parser(text, name).Parse(packing, error);
 }
 
-bool ReadPacking(const std::string& path, Packing* packing, std::string* error) {
+bool ReadPacking(const std::string& path,
+                 Packing* packing,
+                 std::string* error) {
   std::string text;
   return ReadFile(path, &text, error) &&
          ParsePacking(text, path, packing, error);

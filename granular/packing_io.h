@@ -3,17 +3,18 @@
 // One frame, as OVITO and ASE read it:
 //
 //   N
-//   Lattice="ax ay az bx by bz cx cy cz" Properties=species:S:1:pos:R:3:radius:R:1
+//   Lattice="ax ay az bx by bz cx cy cz"
+//   Properties=species:S:1:pos:R:3:radius:R:1
 //       pbc="T T F" key=value ...                                  (one line)
 //   A x y z radius
 //   ...
 //
-// Columns: pos and radius are required; species, pos_lo:R:3 (the low part of the
-// positions, see double_double.h) and stiffness:R:1 are read if present, others are
-// skipped. pbc="T T F" means discs in the plane (all z equal, cell edges in the
-// plane), "T T T" spheres; without pbc the frame is 2D if all z are equal.
-// Other keys (alpha, k, seed, ...) are kept in Packing::attributes; quoted text may
-// hold the escapes \" \\ and \n of the format.
+// Columns: pos and radius are required; species, pos_lo:R:3 (the low part of
+// the positions, see double_double.h) and stiffness:R:1 are read if present,
+// others are skipped. pbc="T T F" means discs in the plane (all z equal, cell
+// edges in the plane), "T T T" spheres; without pbc the frame is 2D if all z
+// are equal. Other keys (alpha, k, seed, ...) are kept in Packing::attributes;
+// quoted text may hold the escapes \" \\ and \n of the format.
 
 #ifndef GRANOPT_GRANULAR_PACKING_IO_H_
 #define GRANOPT_GRANULAR_PACKING_IO_H_
@@ -34,8 +35,8 @@ bool ReadPacking(const std::string& path, Packing* packing, std::string* error);
 
 // %.17g throughout, pos_lo if any low part is not zero.
 std::string FormatPacking(const Packing& packing);
-// Atomic. Refuses what ReadPacking() would not read back: an invalid packing, a blank
-// species, an attribute with one of the format's own names.
+// Atomic. Refuses what ReadPacking() would not read back: an invalid packing, a
+// blank species, an attribute with one of the format's own names.
 bool WritePacking(const std::string& path,
                   const Packing& packing,
                   std::string* error);

@@ -117,8 +117,8 @@ bool EvaluateQuad(const Packing& packing,
     }
   }
   result->energy = static_cast<double>(energy);
-  result->mean_force =
-      result->contacts > 0 ? static_cast<double>(force_sum / result->contacts)
+  result->mean_force = result->contacts > 0
+                           ? static_cast<double>(force_sum / result->contacts)
                            : 0.0;
   result->gradient.resize(gradient.size());
   result->max_gradient = 0.0;

@@ -1,9 +1,9 @@
 // granopt: the judge.
 //
-// Energy, forces and residual of a packing in quadruple precision (__float128, 33
-// digits), straight from (4)-(8) without the difference form of the kernel: the
-// oracle that tests compare the kernel with, and the number that a result is
-// judged by.
+// Energy, forces and residual of a packing in quadruple precision (__float128,
+// 33 digits), straight from (4)-(8) without the difference form of the kernel:
+// the oracle that tests compare the kernel with, and the number that a result
+// is judged by.
 
 #ifndef GRANOPT_GRANULAR_QUAD_RESIDUAL_H_
 #define GRANOPT_GRANULAR_QUAD_RESIDUAL_H_
@@ -24,8 +24,8 @@ struct QuadResidual {
   std::vector<double> gradient;  // d N, each rounded once
 };
 
-// `displacements` (d N entries) may be null: zero. Returns false with one line in
-// `error` where ContactEnergy::Create() would.
+// `displacements` (d N entries) may be null: zero. Returns false with one line
+// in `error` where ContactEnergy::Create() would.
 bool EvaluateQuad(const Packing& packing,
                   const ContactEnergyOptions& options,
                   const double* displacements,

@@ -16,8 +16,7 @@ bool Relax(const Packing& start,
   if (energy == nullptr) return false;
   std::vector<double> u(energy->NumParameters(), 0.0);
   Relaxation relaxation;
-  relaxation.summary =
-      solver.Minimize(energy.get(), solve_options, u.data());
+  relaxation.summary = solver.Minimize(energy.get(), solve_options, u.data());
   energy->Recenter(u.data());
   relaxation.packing = energy->Configuration(u.data());
   relaxation.contacts = energy->Contacts(u.data());

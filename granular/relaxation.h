@@ -22,8 +22,8 @@ struct Relaxation {
 };
 
 // Minimizes the energy of `start` with `solver`. Returns false with one line in
-// `error` if the packing cannot be simulated; a method that fails is no error but
-// Relaxation::summary.
+// `error` if the packing cannot be simulated; a method that fails is no error
+// but Relaxation::summary.
 bool Relax(const Packing& start,
            const ContactEnergyOptions& energy_options,
            const Solver& solver,

@@ -18,7 +18,8 @@ namespace {
 // Why our callback made Ceres return.
 enum class Interruption { NONE, STOPPED, REBASE, RESCALE };
 
-// The power of two nearest to v in the logarithm; 1 where v is no positive number.
+// The power of two nearest to v in the logarithm; 1 where v is no positive
+// number.
 double PowerOfTwo(double v) {
   if (!(v > 0.0) || !std::isfinite(v)) return 1.0;
   return std::exp2(std::clamp(std::round(std::log2(v)), -900.0, 900.0));
@@ -45,10 +46,7 @@ constexpr double kLostDifference = 1e-8;
 class ScaledFunction : public ceres::FirstOrderFunction {
  public:
   ScaledFunction(Monitor* monitor, const Units& units, const Anchor* anchor)
-      : monitor_(monitor),
-        units_(units),
-        anchor_(anchor),
-        x_(monitor->n()) {}
+      : monitor_(monitor), units_(units), anchor_(anchor), x_(monitor->n()) {}
 
   bool Evaluate(const double* const y,
                 double* cost,
@@ -184,7 +182,8 @@ std::unique_ptr<ceres::GradientProblem> MakeProblem(
 #endif
 }
 
-// Ceres logs a warning at every restart of its NCG, also when asked to be silent.
+// Ceres logs a warning at every restart of its NCG, also when asked to be
+// silent.
 class QuietLog {
  public:
   QuietLog() : level_(FLAGS_minloglevel) {
@@ -272,9 +271,8 @@ Summary CeresLineSearch::Minimize(FirstOrderFunction* function,
     Callback callback(&monitor, units, y.data(), used_anchor, scaled_);
     ceres::GradientProblemSolver::Options run_options = ceres_options_;
     run_options.callbacks.push_back(&callback);
-    const std::unique_ptr<ceres::GradientProblem> problem =
-        MakeProblem(
-            std::make_unique<ScaledFunction>(&monitor, units, used_anchor));
+    const std::unique_ptr<ceres::GradientProblem> problem = MakeProblem(
+        std::make_unique<ScaledFunction>(&monitor, units, used_anchor));
     ceres::GradientProblemSolver::Summary ceres_summary;
     ceres::Solve(run_options, *problem, y.data(), &ceres_summary);
 

@@ -13,15 +13,15 @@ namespace granopt {
 // relative to them, so that a problem stated in other units takes bitwise the
 // same iterations.
 struct Scales {
-  // Mean magnitude of the terms that a gradient entry is the sum of. 0 when no term
-  // is active.
+  // Mean magnitude of the terms that a gradient entry is the sum of. 0 when no
+  // term is active.
   double gradient = 0.0;
-  // Change of x over which such a term changes by its own size. 0 when no term is
-  // active.
+  // Change of x over which such a term changes by its own size. 0 when no term
+  // is active.
   double length = 0.0;
   // Dimensionless size of the function itself; once it is under a stated bound
-  // the function counts as zero. Infinity for functions whose minimum is not known
-  // to be zero.
+  // the function counts as zero. Infinity for functions whose minimum is not
+  // known to be zero.
   double vanishing = std::numeric_limits<double>::infinity();
 };
 
@@ -57,9 +57,9 @@ class FirstOrderFunction : public ceres::FirstOrderFunction {
   }
 
   // Absorbs x into the function's origin and sets x to zero, for when
-  // eps * max|x| limits the attainable tolerance. Differences of iterates and of
-  // gradients stay valid, cached values do not. Returns false if the function
-  // has no origin that can be moved (x is then untouched).
+  // eps * max|x| limits the attainable tolerance. Differences of iterates and
+  // of gradients stay valid, cached values do not. Returns false if the
+  // function has no origin that can be moved (x is then untouched).
   virtual bool Rebase(double* x) {
     (void)x;
     return false;

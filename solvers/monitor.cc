@@ -91,7 +91,8 @@ std::string Summary::FullReport() const {
                      max_gradient / scales.gradient,
                      scales.gradient);
   }
-  report += Format("  cost           %.10e   (from %.10e)\n", cost, initial_cost);
+  report +=
+      Format("  cost           %.10e   (from %.10e)\n", cost, initial_cost);
   report += Format(
       "  work           %lld iterations, %lld evaluations, %lld Hessians, "
       "%lld factorizations\n",
@@ -249,26 +250,27 @@ bool Monitor::Accept(const double* x,
                 max_gradient,
                 tolerance,
                 iterations));
-  } else if (options_.callback &&
-             !options_.callback({x,
-                                 gradient,
-                                 n_,
-                                 cost,
-                                 max_gradient,
-                                 scales,
-                                 counters_,
-                                 Seconds()})) {
-    Stop(StopReason::CALLBACK,
-         Format("stopped by the caller, |g| = %.2e > %.2e after %lld iterations",
-                max_gradient,
-                tolerance,
-                iterations));
+  } else if (options_.callback && !options_.callback({x,
+                                                      gradient,
+                                                      n_,
+                                                      cost,
+                                                      max_gradient,
+                                                      scales,
+                                                      counters_,
+                                                      Seconds()})) {
+    Stop(
+        StopReason::CALLBACK,
+        Format("stopped by the caller, |g| = %.2e > %.2e after %lld iterations",
+               max_gradient,
+               tolerance,
+               iterations));
   } else if (counters_.iterations >= options_.max_iterations) {
-    Stop(StopReason::MAX_ITERATIONS,
-         Format("|g| = %.2e > %.2e after %lld iterations, all that were allowed",
-                max_gradient,
-                tolerance,
-                iterations));
+    Stop(
+        StopReason::MAX_ITERATIONS,
+        Format("|g| = %.2e > %.2e after %lld iterations, all that were allowed",
+               max_gradient,
+               tolerance,
+               iterations));
   } else {
     BudgetSpent();
   }
@@ -279,10 +281,11 @@ bool Monitor::BudgetSpent() {
   if (stopped_) return true;
   if (counters_.evaluations >= options_.max_evaluations) {
     Stop(StopReason::MAX_EVALUATIONS,
-         Format("|g| = %.2e > %.2e after %lld evaluations, all that were allowed",
-                last_max_gradient_,
-                Tolerance(last_scales_),
-                static_cast<long long>(counters_.evaluations)));
+         Format(
+             "|g| = %.2e > %.2e after %lld evaluations, all that were allowed",
+             last_max_gradient_,
+             Tolerance(last_scales_),
+             static_cast<long long>(counters_.evaluations)));
   } else if (Seconds() >= options_.max_seconds) {
     Stop(StopReason::MAX_SECONDS,
          Format("|g| = %.2e > %.2e after %.3g s >= %.3g s",

@@ -35,7 +35,10 @@ class Monitor {
   // One counted evaluation. `gradient` and `scales` may be null. Returns false,
   // and remembers the offending entry, if x, the cost or the gradient is not
   // finite. The last point evaluated with a gradient is cached.
-  bool Evaluate(const double* x, double* cost, double* gradient, Scales* scales);
+  bool Evaluate(const double* x,
+                double* cost,
+                double* gradient,
+                Scales* scales);
 
   // True if x is, bit for bit, the last point evaluated with a gradient.
   bool IsCached(const double* x) const;
@@ -47,9 +50,9 @@ class Monitor {
                       const double** gradient,
                       Scales* scales);
 
-  // Tells the monitor of an accepted iterate (the first call is the start, every
-  // further one counts an iteration). Returns true if the run must stop; the
-  // reason is then set.
+  // Tells the monitor of an accepted iterate (the first call is the start,
+  // every further one counts an iteration). Returns true if the run must stop;
+  // the reason is then set.
   bool Accept(const double* x,
               double cost,
               const double* gradient,

@@ -88,8 +88,8 @@ int Parameters::Int(const std::string& key,
                     int minimum,
                     const std::string& help) {
   constexpr int kMost = 1000000000;
-  const std::string choices = "an integer in [" + std::to_string(minimum) + ", " +
-                              std::to_string(kMost) + "]";
+  const std::string choices = "an integer in [" + std::to_string(minimum) +
+                              ", " + std::to_string(kMost) + "]";
   const std::string* text =
       Take(key, std::to_string(default_value), choices, help);
   if (text == nullptr) return default_value;

@@ -28,7 +28,9 @@ class Parameters {
   explicit Parameters(std::map<std::string, std::string> values)
       : values_(std::move(values)) {}
 
-  bool Bool(const std::string& key, bool default_value, const std::string& help);
+  bool Bool(const std::string& key,
+            bool default_value,
+            const std::string& help);
   int Int(const std::string& key,
           int default_value,
           int minimum,
@@ -66,9 +68,9 @@ struct SolverInfo {
   std::vector<Parameters::Spec> options;
 };
 
-// Makes the method that `spec` = "name" or "name:key=value,key=value" describes.
-// Returns null and one line in `error` for an unknown name (the known ones are
-// listed), an unknown option or a value that does not fit.
+// Makes the method that `spec` = "name" or "name:key=value,key=value"
+// describes. Returns null and one line in `error` for an unknown name (the
+// known ones are listed), an unknown option or a value that does not fit.
 std::unique_ptr<Solver> CreateSolver(const std::string& spec,
                                      std::string* error);
 
@@ -90,19 +92,19 @@ void RegisterSolver(const std::string& name,
 }  // namespace granopt
 
 // Registers `Class` (constructed from a Parameters*) under `name`, which is the
-// name of the file in solvers/methods. CMake calls the function defined here for
-// every file of that folder, so that a static library loses no method.
-#define REGISTER_SOLVER(name, Class, summary, citation)                        \
-  void GranoptRegister_##name() {                                              \
-    ::granopt::internal::RegisterSolver(                                       \
-        #name,                                                                 \
-        summary,                                                               \
-        citation,                                                              \
-        [](::granopt::Parameters* parameters)                                  \
-            -> std::unique_ptr<::granopt::Solver> {                            \
-          return std::make_unique<Class>(parameters);                          \
-        });                                                                    \
-  }                                                                            \
+// name of the file in solvers/methods. CMake calls the function defined here
+// for every file of that folder, so that a static library loses no method.
+#define REGISTER_SOLVER(name, Class, summary, citation) \
+  void GranoptRegister_##name() {                       \
+    ::granopt::internal::RegisterSolver(                \
+        #name,                                          \
+        summary,                                        \
+        citation,                                       \
+        [](::granopt::Parameters* parameters)           \
+            -> std::unique_ptr<::granopt::Solver> {     \
+          return std::make_unique<Class>(parameters);   \
+        });                                             \
+  }                                                     \
   static_assert(true, "")
 
 #endif  // GRANOPT_SOLVERS_REGISTRY_H_

@@ -18,11 +18,12 @@ class SecondOrderFunction : public FirstOrderFunction {
  public:
   // Writes the lower triangle (n x n, compressed, columns sorted) of the second
   // derivatives at x, the form that CHOLMOD (stype -1) and
-  // Eigen::selfadjointView<Lower> read. Entries that happen to be zero are kept,
-  // so that the pattern depends on PatternVersion() alone. Storage of `hessian`
-  // is reused while the version stays the same. Returns false where the function
-  // is not defined.
-  virtual bool EvaluateHessian(const double* x, SparseMatrix* hessian) const = 0;
+  // Eigen::selfadjointView<Lower> read. Entries that happen to be zero are
+  // kept, so that the pattern depends on PatternVersion() alone. Storage of
+  // `hessian` is reused while the version stays the same. Returns false where
+  // the function is not defined.
+  virtual bool EvaluateHessian(const double* x,
+                               SparseMatrix* hessian) const = 0;
 
   // Changes whenever the pattern that EvaluateHessian() writes has changed, so
   // that a symbolic factorization can be kept. Valid after EvaluateHessian().

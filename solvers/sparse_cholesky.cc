@@ -22,7 +22,8 @@ class SparseCholesky::Backend {
     common_.final_ll = 1;
     common_.print = 0;
     common_.quick_return_if_not_posdef = 1;
-    // AMD alone: trying METIS as well costs more than it gains below 10^5 unknowns.
+    // AMD alone: trying METIS as well costs more than it gains below 10^5
+    // unknowns.
     common_.nmethods = 1;
     common_.method[0].ordering = CHOLMOD_AMD;
     common_.postorder = 1;
@@ -44,13 +45,13 @@ class SparseCholesky::Backend {
     cholmod_sparse view = View(lower);
     double beta[2] = {shift, 0.0};
     cholmod_factorize_p(&view, beta, nullptr, 0, factor_, &common_);
-    return common_.status == CHOLMOD_OK &&
-           factor_->minor == factor_->n;
+    return common_.status == CHOLMOD_OK && factor_->minor == factor_->n;
   }
 
   void Solve(const double* b, double* x) {
     const std::size_t n = factor_->n;
-    cholmod_dense* right = cholmod_allocate_dense(n, 1, n, CHOLMOD_REAL, &common_);
+    cholmod_dense* right =
+        cholmod_allocate_dense(n, 1, n, CHOLMOD_REAL, &common_);
     std::copy(b, b + n, static_cast<double*>(right->x));
     cholmod_dense* solution =
         cholmod_solve(CHOLMOD_A, factor_, right, &common_);

@@ -11,9 +11,9 @@
 
 namespace granopt {
 
-// L L^T = P (A + shift 1) P^T with a fill-reducing permutation P, by CHOLMOD or,
-// if built with -DGRANOPT_CHOLMOD=OFF, by Eigen's SimplicialLDLT (MPL2). The
-// symbolic analysis is kept as long as the pattern version stays the same.
+// L L^T = P (A + shift 1) P^T with a fill-reducing permutation P, by CHOLMOD
+// or, if built with -DGRANOPT_CHOLMOD=OFF, by Eigen's SimplicialLDLT (MPL2).
+// The symbolic analysis is kept as long as the pattern version stays the same.
 class SparseCholesky {
  public:
   SparseCholesky();
@@ -21,10 +21,11 @@ class SparseCholesky {
   SparseCholesky(const SparseCholesky&) = delete;
   SparseCholesky& operator=(const SparseCholesky&) = delete;
 
-  // `lower` is the lower triangle as SecondOrderFunction::EvaluateHessian() writes
-  // it; `pattern_version` names its pattern (SecondOrderFunction::PatternVersion()).
-  // Returns false if A + shift 1 is not positive definite or not finite: an
-  // ordinary situation, after which Solve() must not be called.
+  // `lower` is the lower triangle as SecondOrderFunction::EvaluateHessian()
+  // writes it; `pattern_version` names its pattern
+  // (SecondOrderFunction::PatternVersion()). Returns false if A + shift 1 is
+  // not positive definite or not finite: an ordinary situation, after which
+  // Solve() must not be called.
   bool Factorize(const SparseMatrix& lower,
                  std::int64_t pattern_version,
                  double shift = 0.0);

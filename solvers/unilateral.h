@@ -39,8 +39,8 @@ struct Gaps {
   Eigen::SparseMatrix<double, Eigen::RowMajor, int> jacobian;
 };
 
-// E(x) = sum over gaps c of k_c (delta_c(x) v 0)^alpha / alpha, the form that an
-// interior point, a least-squares method or a ray search can take apart.
+// E(x) = sum over gaps c of k_c (delta_c(x) v 0)^alpha / alpha, the form that
+// an interior point, a least-squares method or a ray search can take apart.
 class UnilateralFunction : public SecondOrderFunction {
  public:
   // alpha >= 2.

@@ -9,8 +9,7 @@ namespace {
 
 class CeresLbfgs : public CeresLineSearch {
  public:
-  explicit CeresLbfgs(Parameters* parameters)
-      : CeresLineSearch(parameters) {
+  explicit CeresLbfgs(Parameters* parameters) : CeresLineSearch(parameters) {
     ceres_options().line_search_direction_type = ceres::LBFGS;
     ceres_options().max_lbfgs_rank =
         parameters->Int("memory", 20, 1, "number of stored (s, y) pairs");
@@ -19,10 +18,11 @@ class CeresLbfgs : public CeresLineSearch {
 
 }  // namespace
 
-REGISTER_SOLVER(ceres_lbfgs,
-                CeresLbfgs,
-                "Ceres' limited-memory BFGS with its strong Wolfe line search",
-                "Nocedal, Math. Comp. 35 (1980) 773; Agarwal, Mierle, The Ceres "
-                "Solver Team, Ceres Solver 2.1");
+REGISTER_SOLVER(
+    ceres_lbfgs,
+    CeresLbfgs,
+    "Ceres' limited-memory BFGS with its strong Wolfe line search",
+    "Nocedal, Math. Comp. 35 (1980) 773; Agarwal, Mierle, The Ceres "
+    "Solver Team, Ceres Solver 2.1");
 
 }  // namespace granopt

@@ -9,8 +9,7 @@ namespace {
 
 class CeresNcg : public CeresLineSearch {
  public:
-  explicit CeresNcg(Parameters* parameters)
-      : CeresLineSearch(parameters) {
+  explicit CeresNcg(Parameters* parameters) : CeresLineSearch(parameters) {
     constexpr ceres::NonlinearConjugateGradientType kBeta[] = {
         ceres::FLETCHER_REEVES, ceres::POLAK_RIBIERE, ceres::HESTENES_STIEFEL};
     constexpr ceres::LineSearchType kLineSearch[] = {ceres::WOLFE,
@@ -31,10 +30,11 @@ class CeresNcg : public CeresLineSearch {
 
 }  // namespace
 
-REGISTER_SOLVER(ceres_ncg,
-                CeresNcg,
-                "Ceres' nonlinear conjugate gradients",
-                "Fletcher, Reeves, Comput. J. 7 (1964) 149; Agarwal, Mierle, The "
-                "Ceres Solver Team, Ceres Solver 2.1");
+REGISTER_SOLVER(
+    ceres_ncg,
+    CeresNcg,
+    "Ceres' nonlinear conjugate gradients",
+    "Fletcher, Reeves, Comput. J. 7 (1964) 149; Agarwal, Mierle, The "
+    "Ceres Solver Team, Ceres Solver 2.1");
 
 }  // namespace granopt

@@ -1,5 +1,5 @@
-// Minimizes a function of one's own with a method by name; links granopt::solvers
-// only.
+// Minimizes a function of one's own with a method by name; links
+// granopt::solvers only.
 
 #include <cstdio>
 #include <memory>

@@ -12,10 +12,9 @@
 #include <string>
 #include <vector>
 
+#include "granular/packing_io.h"
 #include "gtest/gtest.h"
 #include "nlohmann/json.hpp"
-
-#include "granular/packing_io.h"
 
 namespace granopt {
 namespace {
@@ -57,8 +56,9 @@ class Cli : public testing::Test {
 
   // Runs in folder_; results go to folder_/out unless the arguments say other.
   Outcome Do(const std::string& binary, const std::string& arguments) {
-    const std::string command = "cd '" + folder_ + "' && " GRANOPT_BINARIES "/" +
-                                binary + " --nopictures " + arguments +
+    const std::string command = "cd '" + folder_ +
+                                "' && " GRANOPT_BINARIES "/" + binary +
+                                " --nopictures " + arguments +
                                 " > stdout.txt 2> stderr.txt < /dev/null";
     Outcome run;
     const int status = std::system(command.c_str());
@@ -92,16 +92,30 @@ const char kHeader[] =
     "pbc=\"T T F\"\n";
 
 TEST_F(Cli, RelaxFollowsItsInterface) {
-  const Outcome run = Do("relax",
-                     "--input=" GRANOPT_TEST_DATA
-                     "/n256_phi0.8438_a2_relaxed.xyz --perturb=1e-5 --out=out");
+  const Outcome run =
+      Do("relax",
+         "--input=" GRANOPT_TEST_DATA
+         "/n256_phi0.8438_a2_relaxed.xyz --perturb=1e-5 --out=out");
   ASSERT_EQ(run.status, 0) << run.out << run.err;
   const auto json = nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
-  for (const char* key :
-       {"solver", "converged", "stop_reason", "iterations", "evaluations",
-        "hessians", "factorizations", "seconds", "energy", "max_gradient",
-        "mean_force", "pressure", "shear_stress", "coordination", "contacts",
-        "rattlers", "phi", "schema"}) {
+  for (const char* key : {"solver",
+                          "converged",
+                          "stop_reason",
+                          "iterations",
+                          "evaluations",
+                          "hessians",
+                          "factorizations",
+                          "seconds",
+                          "energy",
+                          "max_gradient",
+                          "mean_force",
+                          "pressure",
+                          "shear_stress",
+                          "coordination",
+                          "contacts",
+                          "rattlers",
+                          "phi",
+                          "schema"}) {
     EXPECT_TRUE(json.contains(key)) << key;
   }
   EXPECT_TRUE(json["converged"].get<bool>());
@@ -123,9 +137,12 @@ TEST_F(Cli, RelaxFollowsItsInterface) {
 }
 
 TEST_F(Cli, RelaxIsDeterministicAndReadsItsOwnOutputExactly) {
-  ASSERT_EQ(Do("relax", "--particles=64 --phi=0.86 --seed=4 --out=a").status, 0);
-  ASSERT_EQ(Do("relax", "--particles=64 --phi=0.86 --seed=4 --out=b").status, 0);
-  EXPECT_EQ(Slurp(folder_ + "/a/packing.xyz"), Slurp(folder_ + "/b/packing.xyz"));
+  ASSERT_EQ(Do("relax", "--particles=64 --phi=0.86 --seed=4 --out=a").status,
+            0);
+  ASSERT_EQ(Do("relax", "--particles=64 --phi=0.86 --seed=4 --out=b").status,
+            0);
+  EXPECT_EQ(Slurp(folder_ + "/a/packing.xyz"),
+            Slurp(folder_ + "/b/packing.xyz"));
   // What was written, low parts included, is still converged when read.
   const Outcome run = Do("relax", "--input=a/packing.xyz --out=c");
   ASSERT_EQ(run.status, 0) << run.out;
@@ -134,7 +151,8 @@ TEST_F(Cli, RelaxIsDeterministicAndReadsItsOwnOutputExactly) {
 }
 
 TEST_F(Cli, RelaxReportsFailureWithResultsWritten) {
-  const Outcome run = Do("relax", "--particles=64 --phi=0.9 --max_evaluations=5 --out=out");
+  const Outcome run =
+      Do("relax", "--particles=64 --phi=0.9 --max_evaluations=5 --out=out");
   EXPECT_EQ(run.status, 1);
   const auto json = nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
   EXPECT_FALSE(json["converged"].get<bool>());
@@ -146,7 +164,8 @@ TEST_F(Cli, RelaxAppliesItsLoads) {
   const std::string input =
       "--input=" GRANOPT_TEST_DATA "/n256_phi0.8438_a2_relaxed.xyz ";
   const auto phi = [&](const std::string& load) {
-    EXPECT_EQ(Do("relax", input + load + " --max_evaluations=1 --out=out").status, 1);
+    EXPECT_EQ(
+        Do("relax", input + load + " --max_evaluations=1 --out=out").status, 1);
     return nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
   };
   EXPECT_NEAR(phi("--radius_factor=1.01")["phi"].get<double>(),
@@ -194,7 +213,8 @@ TEST_F(Cli, BadInputIsOneLineAndLeavesNothing) {
     ExpectRefused(b, "--particles=0 --out=out", "particles");
     ExpectRefused(b, "--dimension=4 --out=out", "dimension");
     ExpectRefused(b, "--solver=magic --out=out", "unknown solver 'magic'");
-    ExpectRefused(b, "--solver=ceres_lbfgs:m=3 --out=out", "unknown option 'm'");
+    ExpectRefused(
+        b, "--solver=ceres_lbfgs:m=3 --out=out", "unknown option 'm'");
     ExpectRefused(b, "--tolerance=0 --out=out", "--tolerance=0");
     ExpectRefused(b, "--tolerance=nan --out=out", "--tolerance");
     ExpectRefused(b, "--particles=many --out=out", "many");
@@ -205,13 +225,13 @@ TEST_F(Cli, BadInputIsOneLineAndLeavesNothing) {
     ExpectRefused(b, "--particles=8 --out=occupied/deeper", "occupied");
     ExpectRefused(b, "--particles=8 --input=nan.xyz --out=out", "--particles");
   }
-  // A load that makes the packing impossible, a radius that is hardly one, two grains
-  // at one place, an empty name, more grains than there is memory for.
+  // A load that makes the packing impossible, a radius that is hardly one, two
+  // grains at one place, an empty name, more grains than there is memory for.
   ExpectRefused("relax", "--particles=20 --pure_shear=500 --out=out", "images");
-  ExpectRefused("relax", "--particles=20 --radius_factor=1e300 --out=out", "grain");
+  ExpectRefused(
+      "relax", "--particles=20 --radius_factor=1e300 --out=out", "grain");
   File("ratio.xyz",
-       std::string("2\n") + kHeader +
-           "A 0.1 0.1 0 5e-324\nA 0.5 0.5 0 0.1\n");
+       std::string("2\n") + kHeader + "A 0.1 0.1 0 5e-324\nA 0.5 0.5 0 0.1\n");
   File("same.xyz",
        std::string("2\n") + kHeader + "A 0.25 0.25 0 0.1\nA 1.25 0.25 0 0.1\n");
   for (const char* binary : {"relax", "jamming"}) {
@@ -220,7 +240,8 @@ TEST_F(Cli, BadInputIsOneLineAndLeavesNothing) {
     ExpectRefused(binary, "--particles=2000000000 --out=out", "must be in [1,");
     ExpectRefused(binary, "--out=", "--out= is empty");
   }
-  ExpectRefused("relax", "--input=same.xyz --out=out",
+  ExpectRefused("relax",
+                "--input=same.xyz --out=out",
                 "grains 0 and 1 are at the same place");
   ExpectRefused("relax", "--phi=0 --out=out", "phi");
   ExpectRefused("relax", "--phi=-1 --out=out", "phi");
@@ -288,8 +309,11 @@ TEST_F(Cli, JammingSmokeRunFindsAnIsostaticState) {
   const auto& state = json["state"];
   EXPECT_GE(state["rigid_contacts"].get<int>(),
             state["isostatic_contacts"].get<int>());
-  for (const char* name : {"packing.xyz", "contacts.csv", "path.csv",
-                           "stage_initial.xyz", "stage_unjammed.xyz"}) {
+  for (const char* name : {"packing.xyz",
+                           "contacts.csv",
+                           "path.csv",
+                           "stage_initial.xyz",
+                           "stage_unjammed.xyz"}) {
     EXPECT_TRUE(Exists(folder_ + "/out/" + name)) << name;
   }
 }

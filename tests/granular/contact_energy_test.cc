@@ -26,7 +26,8 @@ std::vector<double> Zero(const ContactEnergy& energy) {
   return std::vector<double>(energy.NumParameters(), 0.0);
 }
 
-// ---- closed forms: a few grains -------------------------------------------------
+// ---- closed forms: a few grains
+// -------------------------------------------------
 
 TEST(ContactEnergy, TwoDiscsHaveTheClosedFormEnergyAndForce) {
   // Centres (3/4, 1) apart, a distance of 5/4; radii 5/8 and 3/4: an overlap of
@@ -51,7 +52,8 @@ TEST(ContactEnergy, TwoDiscsHaveTheClosedFormEnergyAndForce) {
     EXPECT_DOUBLE_EQ(e.scales.gradient, force);
     EXPECT_DOUBLE_EQ(e.scales.length, 0.125);
 
-    const std::vector<Contact> contacts = energy->Contacts(Zero(*energy).data());
+    const std::vector<Contact> contacts =
+        energy->Contacts(Zero(*energy).data());
     ASSERT_EQ(contacts.size(), 1u);
     EXPECT_EQ(contacts[0].id, (GapId{0, 1, {0, 0, 0}}));
     EXPECT_EQ(contacts[0].overlap, 0.125);
@@ -70,10 +72,10 @@ TEST(ContactEnergy, TwoDiscsHaveTheClosedFormEnergyAndForce) {
     EXPECT_LT(Evaluate(*energy, u).energy, std::pow(8.0 * kEps, alpha));
     // 1/16 along the normal halves the overlap.
     u = {0.0375, 0.05, 0.0, 0.0};
-    EXPECT_NEAR(Evaluate(*energy, u).energy /
-                    (3.0 * std::pow(0.0625, alpha) / alpha),
-                1.0,
-                100.0 * kEps);
+    EXPECT_NEAR(
+        Evaluate(*energy, u).energy / (3.0 * std::pow(0.0625, alpha) / alpha),
+        1.0,
+        100.0 * kEps);
   }
 }
 
@@ -92,7 +94,8 @@ TEST(ContactEnergy, TwoSpheresHaveTheClosedFormEnergyAndForce) {
       EXPECT_DOUBLE_EQ(e.gradient[k], -n * force);
       EXPECT_DOUBLE_EQ(e.gradient[3 + k], n * force);
     }
-    const std::vector<Contact> contacts = energy->Contacts(Zero(*energy).data());
+    const std::vector<Contact> contacts =
+        energy->Contacts(Zero(*energy).data());
     ASSERT_EQ(contacts.size(), 1u);
     // x_0 - x_1 + H image = (1/2, 3/4, 3/2).
     EXPECT_EQ(contacts[0].id, (GapId{0, 1, {1, 0, 1}}));
@@ -121,15 +124,15 @@ TEST(ContactEnergy, ThreeInARowPushTheEndsOutAndTheMiddleByTheDifference) {
 
 TEST(ContactEnergy, AGrainTouchingItsOwnImageHasEnergyAndStressButNoForce) {
   // Period 1 along x, radius 9/16: one contact of overlap 1/8, counted once.
-  const Packing packing = MakePacking(Box(Matrix2(1.0, 0.0, 0.0, 4.0)),
-                                      Vector2(0.25, 0.5),
-                                      {0.5625});
+  const Packing packing = MakePacking(
+      Box(Matrix2(1.0, 0.0, 0.0, 4.0)), Vector2(0.25, 0.5), {0.5625});
   for (const double alpha : {2.0, 2.5, 3.3}) {
     const auto energy = MakeEnergy(packing, alpha);
     const Evaluation e = Evaluate(*energy);
     EXPECT_DOUBLE_EQ(e.energy, std::pow(0.125, alpha) / alpha);
     EXPECT_EQ(e.gradient, std::vector<double>(2, 0.0));
-    const std::vector<Contact> contacts = energy->Contacts(Zero(*energy).data());
+    const std::vector<Contact> contacts =
+        energy->Contacts(Zero(*energy).data());
     ASSERT_EQ(contacts.size(), 1u);
     EXPECT_EQ(contacts[0].id, (GapId{0, 0, {1, 0, 0}}));
     // sigma = f l n (x) n / V, (10).
@@ -143,20 +146,22 @@ TEST(ContactEnergy, AGrainTouchingItsOwnImageHasEnergyAndStressButNoForce) {
   }
 }
 
-// ---- closed forms: lattices -----------------------------------------------------
+// ---- closed forms: lattices
+// -----------------------------------------------------
 //
 // N harmonic grains (k = 1) of radius r on a lattice whose bonds have length
-// a = 2 r - delta, force f = delta. Every grain sits at a centre of inversion, so
-// it stays in equilibrium under any affine strain: affine moduli are exact.
+// a = 2 r - delta, force f = delta. Every grain sits at a centre of inversion,
+// so it stays in equilibrium under any affine strain: affine moduli are exact.
 //
-// Hexagonal, three bonds a grain at 0, 60 and 120 degrees, V / N = sqrt(3) a^2 / 2:
-//   E / N = 3 delta^alpha / alpha                                       (any alpha)
-//   p     = sum f l / (2 V) = sqrt(3) delta^(alpha-1) / a               (any alpha)
-//   B     = phi dp/dphi  (radii grow, cell fixed)   = sqrt(3) r / a
-//   B'    = -V dp/dV     (cell shrinks, radii fixed) = sqrt(3) r / a
+// Hexagonal, three bonds a grain at 0, 60 and 120 degrees, V / N = sqrt(3) a^2
+// / 2:
+//   E / N = 3 delta^alpha / alpha                                       (any
+//   alpha) p     = sum f l / (2 V) = sqrt(3) delta^(alpha-1) / a (any alpha) B
+//   = phi dp/dphi  (radii grow, cell fixed)   = sqrt(3) r / a B'    = -V dp/dV
+//   (cell shrinks, radii fixed) = sqrt(3) r / a
 // (p depends on r / a alone; for other laws or dimensions p scales like
-// length^(alpha-d) and B' - B = p (d - alpha) / d). A simple shear gamma turns a
-// bond l n into (l n_x + gamma l n_y, l n_y), with dl/dgamma = l n_x n_y and
+// length^(alpha-d) and B' - B = p (d - alpha) / d). A simple shear gamma turns
+// a bond l n into (l n_x + gamma l n_y, l n_y), with dl/dgamma = l n_x n_y and
 // d2l/dgamma2 = l n_y^4 at gamma = 0, so that, with the averages
 // <n_x^2 n_y^2> = 1/8 and <n_y^4> = 3/8,
 //   G = (1/V) d2E/dgamma2 = d(-sigma_12)/dgamma
@@ -239,14 +244,13 @@ TEST(ContactEnergy, LatticesHaveTheClosedFormEnergyAndPressure) {
           // to a few eps times the cell's length.
           const double tolerance = 10.0 * alpha * repeat * kEps / delta;
           EXPECT_EQ(o.contacts, lattice.contacts_per_grain * packing.size());
-          EXPECT_NEAR(e.energy / packing.size() /
-                          (lattice.contacts_per_grain *
-                           std::pow(delta, alpha) / alpha),
-                      1.0,
-                      tolerance);
-          const double force = std::pow(delta, alpha - 1.0);
           EXPECT_NEAR(
-              o.pressure / (lattice.pressure * force), 1.0, tolerance);
+              e.energy / packing.size() /
+                  (lattice.contacts_per_grain * std::pow(delta, alpha) / alpha),
+              1.0,
+              tolerance);
+          const double force = std::pow(delta, alpha - 1.0);
+          EXPECT_NEAR(o.pressure / (lattice.pressure * force), 1.0, tolerance);
           EXPECT_LT(o.stress_parts.deviatoric / o.pressure, tolerance);
           EXPECT_LT(MaxAbs(e.gradient) / force, tolerance);
           EXPECT_NEAR(packing.box.Volume() / packing.size(),
@@ -263,8 +267,8 @@ TEST(ContactEnergy, LatticesHaveTheAffineBulkModulusByGrowthAndByCompression) {
     for (const LatticeCase& lattice : {Hexagonal(delta), Fcc(delta)}) {
       const int d = lattice.dimension;
       for (const double alpha : {2.0, 2.5}) {
-        SCOPED_TRACE(testing::Message() << d << "D, delta = " << delta
-                                        << ", alpha = " << alpha);
+        SCOPED_TRACE(testing::Message()
+                     << d << "D, delta = " << delta << ", alpha = " << alpha);
         const Packing packing = LatticePacking(d, 3, delta);
         const auto grown = [&](double h) {
           Packing p = packing;
@@ -290,9 +294,7 @@ TEST(ContactEnergy, LatticesHaveTheAffineBulkModulusByGrowthAndByCompression) {
                       1.0,
                       tolerance);
         } else {
-          EXPECT_NEAR((compression - p * (d - alpha) / d) / growth,
-                      1.0,
-                      1e-5);
+          EXPECT_NEAR((compression - p * (d - alpha) / d) / growth, 1.0, 1e-5);
         }
       }
     }
@@ -317,8 +319,8 @@ TEST(ContactEnergy, LatticesHaveTheAffineShearModulusByStressAndByEnergy) {
         return sheared(gamma).energy / packing.box.Volume();
       };
       // Truncation h^4 times derivatives of l(gamma), of order a. Roundoff: the
-      // sheared cell is rounded, overlaps to some eps, which costs eps / h in the
-      // stress and eps delta / h^2 in the energy.
+      // sheared cell is rounded, overlaps to some eps, which costs eps / h in
+      // the stress and eps delta / h^2 in the energy.
       const double h = std::min(1e-3, 0.02 * delta);
       EXPECT_NEAR(Derivative(stress, h) / lattice.shear_modulus,
                   1.0,
@@ -332,7 +334,8 @@ TEST(ContactEnergy, LatticesHaveTheAffineShearModulusByStressAndByEnergy) {
   }
 }
 
-// ---- derivatives ----------------------------------------------------------------
+// ---- derivatives
+// ----------------------------------------------------------------
 
 struct GridCase {
   Packing packing;
@@ -342,8 +345,9 @@ struct GridCase {
   double h = 0.0;         // step of differences, far below the nearest kink
 };
 
-// 2D, 3D x alpha = 2, 2.5, 3.3 x square, sheared cell x 16 or more grains, three
-// in a cell shorter than two radii x k = 1 or stiffness per grain with each rule.
+// 2D, 3D x alpha = 2, 2.5, 3.3 x square, sheared cell x 16 or more grains,
+// three in a cell shorter than two radii x k = 1 or stiffness per grain with
+// each rule.
 void ForGrid(const std::function<void(GridCase&)>& check) {
   for (const int d : {2, 3}) {
     for (const double alpha : {2.0, 2.5, 3.3}) {
@@ -454,8 +458,9 @@ TEST(ContactEnergy, HessianIsTheDerivativeOfTheGradient) {
     ASSERT_EQ(hessian.rows(), n);
     ASSERT_EQ(hessian.cols(), n);
     const Eigen::MatrixXd lower = hessian;
-    EXPECT_EQ(lower.triangularView<Eigen::StrictlyUpper>().toDenseMatrix().norm(),
-              0.0);
+    EXPECT_EQ(
+        lower.triangularView<Eigen::StrictlyUpper>().toDenseMatrix().norm(),
+        0.0);
     const double scale = lower.cwiseAbs().maxCoeff();
     for (int v = 0; v < n; ++v) {
       std::vector<std::vector<double>> g;
@@ -538,7 +543,8 @@ TEST(ContactEnergy, PatternStaysWithTheListAndChangesWithIt) {
   const SparseMatrix kept = first;
   const double* storage = first.valuePtr();
 
-  // Less than half the skin: same list, same pattern, other values, same storage.
+  // Less than half the skin: same list, same pattern, other values, same
+  // storage.
   for (std::size_t v = 0; v < u.size(); ++v) {
     u[v] = (v % 3 == 0 ? 0.3 : -0.2) * energy->skin();
   }
@@ -561,7 +567,8 @@ TEST(ContactEnergy, PatternStaysWithTheListAndChangesWithIt) {
   EXPECT_GT(energy->num_list_builds(), 1);
 }
 
-// ---- invariances ----------------------------------------------------------------
+// ---- invariances
+// ----------------------------------------------------------------
 
 // Cells, laws and stiffnesses of the grid again, but 40 grains at rest.
 Packing MixedPacking(int d, std::uint64_t seed) {
@@ -579,7 +586,8 @@ TEST(ContactEnergy, UniformDisplacementsChangeNothing) {
     const Packing packing = MixedPacking(d, 1);
     const auto energy = MakeEnergy(packing, 2.5);
     const Evaluation at_rest = Evaluate(*energy);
-    const std::vector<Contact> contacts = energy->Contacts(Zero(*energy).data());
+    const std::vector<Contact> contacts =
+        energy->Contacts(Zero(*energy).data());
     // All grains by the same double, across many cells: differences of
     // displacements are exactly zero.
     for (const double shift : {0.1, 0.77, -3.3, 1234.5}) {
@@ -630,7 +638,8 @@ TEST(ContactEnergy, RenumberingGrainsRenumbersTheGradient) {
     Evaluation b = Evaluate(*MakeEnergy(renumbered, 3.3));
     std::vector<double> back(b.gradient.size());
     for (int i = 0; i < n; ++i) {
-      for (int k = 0; k < d; ++k) back[d * order[i] + k] = b.gradient[d * i + k];
+      for (int k = 0; k < d; ++k)
+        back[d * order[i] + k] = b.gradient[d * i + k];
     }
     EXPECT_LT(MaxDifference(a.gradient, back), 1e-14 * a.scales.gradient);
     EXPECT_NEAR(a.energy / b.energy, 1.0, 1e-14);
@@ -681,10 +690,9 @@ TEST(ContactEnergy, StressIsTheDerivativeOfTheEnergyWithRespectToStrain) {
                                   ++seed,
                                   SimpleShear(d, 0.4));
           ASSERT_LT(seed, 1000u);
-        } while (!IsSmooth(
-            *MakeEnergy(packing, alpha),
-            std::vector<double>(d * packing.size(), 0.0),
-            1e-3 * packing.MeanRadius()));
+        } while (!IsSmooth(*MakeEnergy(packing, alpha),
+                           std::vector<double>(d * packing.size(), 0.0),
+                           1e-3 * packing.MeanRadius()));
         const Observables o = MeasureAtRest(packing, alpha);
         const double volume = packing.box.Volume();
         // Roundoff: eps E / h, with E comparable with p V.
@@ -711,15 +719,15 @@ TEST(ContactEnergy, StressIsTheDerivativeOfTheEnergyWithRespectToStrain) {
                    SmallMatrix::Identity(d, d));
           return Evaluate(*MakeEnergy(p, alpha)).energy;
         };
-        EXPECT_NEAR(-Derivative(compressed, h) / volume,
-                    o.pressure,
-                    1e-8 * o.pressure);
+        EXPECT_NEAR(
+            -Derivative(compressed, h) / volume, o.pressure, 1e-8 * o.pressure);
       }
     }
   }
 }
 
-// ---- a pure function of reference and displacement ------------------------------
+// ---- a pure function of reference and displacement
+// ------------------------------
 
 TEST(ContactEnergy, ValuesDoNotDependOnTheListInUse) {
   for (const int d : {2, 3}) {
@@ -820,9 +828,9 @@ TEST(ContactEnergy, RecenterChangesTheLastDigitsOnly) {
     const auto wave = [&](double amplitude) {
       std::vector<double> u(n, 0.0);
       for (int i = 0; i < packing.size(); ++i) {
-        u[2 * i] = amplitude * overlap *
-                   std::sin(2.0 * 3.14159265358979323846 *
-                            packing.positions(1, i));
+        u[2 * i] =
+            amplitude * overlap *
+            std::sin(2.0 * 3.14159265358979323846 * packing.positions(1, i));
       }
       return u;
     };
@@ -852,8 +860,8 @@ TEST(ContactEnergy, RecenterChangesTheLastDigitsOnly) {
 TEST(ContactEnergy, RecenterDoesNothingWithoutContacts) {
   Eigen::MatrixXd x(2, 2);
   x << 1.0, 3.0, 1.0, 3.0;
-  const auto energy = MakeEnergy(MakePacking(Box::Cube(2, 8.0), x, {0.5, 0.5}),
-                                 2.0);
+  const auto energy =
+      MakeEnergy(MakePacking(Box::Cube(2, 8.0), x, {0.5, 0.5}), 2.0);
   const std::vector<double> u = {0.1, 0.2, 0.3, 0.4};
   const Evaluation e = Evaluate(*energy, u);
   EXPECT_EQ(e.energy, 0.0);
@@ -893,9 +901,9 @@ TEST(ContactEnergy, RebaseKeepsTheConfiguration) {
       EXPECT_LE(MaxDistance(before, after), 1e-31 * (1.0 + amplitude));
       const Evaluation rebased = Evaluate(*energy, u);
       // The state before was evaluated far from its reference.
-      EXPECT_LT(MaxDifference(rebased.gradient, e.gradient),
-                1e-13 * (1.0 + amplitude / e.scales.length) *
-                    e.scales.gradient);
+      EXPECT_LT(
+          MaxDifference(rebased.gradient, e.gradient),
+          1e-13 * (1.0 + amplitude / e.scales.length) * e.scales.gradient);
       // And it is the function that a start from there has.
       const Evaluation fresh = Evaluate(*MakeEnergy(after, 2.5));
       EXPECT_LT(MaxDifference(rebased.gradient, fresh.gradient),
@@ -916,8 +924,8 @@ TEST(ContactEnergy, ConfigurationIsThePackingMovedAndItsImagesFit) {
     EXPECT_EQ(moved.species, packing.species);
     EXPECT_EQ(moved.box.edges(), packing.box.edges());
     const QuadResidual at_u = InQuad(packing, energy->options(), u);
-    const QuadResidual there = InQuad(moved, energy->options(),
-                                      std::vector<double>(u.size(), 0.0));
+    const QuadResidual there =
+        InQuad(moved, energy->options(), std::vector<double>(u.size(), 0.0));
     EXPECT_LT(MaxDifference(at_u.gradient, there.gradient),
               2.0 * kEps * MaxAbs(at_u.gradient));
     // x_i - x_j + H image of the packing written is the contact's own vector.
@@ -931,7 +939,8 @@ TEST(ContactEnergy, ConfigurationIsThePackingMovedAndItsImagesFit) {
   }
 }
 
-// ---- units ----------------------------------------------------------------------
+// ---- units
+// ----------------------------------------------------------------------
 
 // The packing with lengths times 2^b and stiffnesses times 2^a.
 Packing InOtherUnits(const Packing& packing, int a, int b) {
@@ -975,8 +984,8 @@ TEST(ContactEnergy, OtherUnitsGiveBitwiseTheScaledValues) {
             const auto energy = MakeEnergy(packing, options);
             const auto scaled = MakeEnergy(other, other_options);
             const int n = energy->NumParameters();
-            const double force = std::ldexp(1.0, a) *
-                                 std::pow(std::ldexp(1.0, b), alpha - 1.0);
+            const double force =
+                std::ldexp(1.0, a) * std::pow(std::ldexp(1.0, b), alpha - 1.0);
             // At rest, nearby, after a rebuilt list, and recentred.
             for (const double amplitude : {0.0, 1e-3, 0.7}) {
               std::vector<double> u = RandomVector(n, amplitude, 24);
@@ -997,9 +1006,8 @@ TEST(ContactEnergy, OtherUnitsGiveBitwiseTheScaledValues) {
                 EXPECT_EQ(s.scales.length, std::ldexp(e.scales.length, b));
                 // p / (k r^(alpha-d)) has no unit where k is the option's.
                 if (rule < 0) {
-                  EXPECT_NEAR(s.scales.vanishing / e.scales.vanishing,
-                              1.0,
-                              4.0 * kEps);
+                  EXPECT_NEAR(
+                      s.scales.vanishing / e.scales.vanishing, 1.0, 4.0 * kEps);
                 }
               }
               EXPECT_EQ(scaled->num_list_builds(), energy->num_list_builds());
@@ -1023,7 +1031,8 @@ TEST(ContactEnergy, OtherUnitsScaleOtherPowerLawsToTwelveDigits) {
   const Packing packing = MixedPacking(2, 25);
   const Evaluation e = Evaluate(*MakeEnergy(packing, alpha));
   for (const int b : {-3, 10}) {
-    const Evaluation s = Evaluate(*MakeEnergy(InOtherUnits(packing, 2, b), alpha));
+    const Evaluation s =
+        Evaluate(*MakeEnergy(InOtherUnits(packing, 2, b), alpha));
     const double force = 4.0 * std::pow(std::ldexp(1.0, b), alpha - 1.0);
     EXPECT_NEAR(s.energy / (std::ldexp(force, b) * e.energy), 1.0, 1e-12);
     std::vector<double> g = e.gradient;
@@ -1041,21 +1050,21 @@ TEST(ContactEnergy, ScalesAreTheMeanForceTheMeanOverlapAndTheReducedPressure) {
       options.stiffness = 2.5;
       const auto energy = MakeEnergy(packing, options);
       const Evaluation e = Evaluate(*energy);
-      const Observables o = Measure(
-          packing, energy->Contacts(Zero(*energy).data()), e.energy);
+      const Observables o =
+          Measure(packing, energy->Contacts(Zero(*energy).data()), e.energy);
       EXPECT_NEAR(e.scales.gradient / o.mean_force, 1.0, 1e-14);
       EXPECT_NEAR(e.scales.length / o.mean_overlap, 1.0, 1e-14);
       const double reduced =
           o.pressure / (2.5 * std::pow(packing.MeanRadius(), alpha - d));
-      const double expected =
-          std::max(std::pow(reduced, 1.0 / (alpha - 1.0)),
-                   o.mean_overlap / packing.MeanRadius());
+      const double expected = std::max(std::pow(reduced, 1.0 / (alpha - 1.0)),
+                                       o.mean_overlap / packing.MeanRadius());
       EXPECT_NEAR(e.scales.vanishing / expected, 1.0, 1e-13);
     }
   }
 }
 
-// Two discs deep in each other in a wide cell: hardly any pressure, not nothing.
+// Two discs deep in each other in a wide cell: hardly any pressure, not
+// nothing.
 TEST(ContactEnergy, DeepOverlapsInAWideCellDoNotVanish) {
   Eigen::MatrixXd x(2, 2);
   x << 1.0, 1.4, 1.0, 1.0;
@@ -1064,7 +1073,8 @@ TEST(ContactEnergy, DeepOverlapsInAWideCellDoNotVanish) {
   EXPECT_NEAR(e.scales.vanishing, 0.2 / 0.3, 1e-12);
 }
 
-// ---- accuracy -------------------------------------------------------------------
+// ---- accuracy
+// -------------------------------------------------------------------
 
 class ContactEnergyData : public testing::TestWithParam<const char*> {
  protected:
@@ -1111,8 +1121,8 @@ TEST_P(ContactEnergyData, RecenterRestoresTheDigitsAMillionOverlapsAway) {
   EXPECT_EQ(energy_->Recenter(u.data()), MaxAbs(u) > 10.0 * there);
   EXPECT_LT(ErrorAt(u), 1e-14);
   // Ten of the new overlaps on every axis: here neighbours move by up to 28
-  // overlaps against each other, more than their radii. A pair that comes as close
-  // as d has its direction from r0 + s with an error of eps |s| / d.
+  // overlaps against each other, more than their radii. A pair that comes as
+  // close as d has its direction from r0 + s with an error of eps |s| / d.
   const std::vector<double> on = RandomVector(n_, 10.0 * there, 5);
   for (int v = 0; v < n_; ++v) u[v] += on[v];
   EXPECT_LT(ErrorAt(u), 1e-12);
@@ -1202,7 +1212,8 @@ TEST(QuadResidual, AgreesWithTheSumOverAllImages) {
   }
 }
 
-// ---- gaps -----------------------------------------------------------------------
+// ---- gaps
+// -----------------------------------------------------------------------
 
 TEST(ContactEnergy, GapsMakeUpTheEnergy) {
   ForGrid([](GridCase& grid) {
@@ -1229,11 +1240,11 @@ TEST(ContactEnergy, GapsMakeUpTheEnergy) {
     EXPECT_NEAR(sum / e.energy, 1.0, 1e-14);
     // dE/du = sum f d(delta)/du.
     const Eigen::VectorXd gradient = gaps.jacobian.transpose() * force;
-    EXPECT_LT(MaxDifference(std::vector<double>(gradient.data(),
-                                                gradient.data() +
-                                                    gradient.size()),
-                            e.gradient),
-              1e-14 * e.scales.gradient);
+    EXPECT_LT(
+        MaxDifference(std::vector<double>(gradient.data(),
+                                          gradient.data() + gradient.size()),
+                      e.gradient),
+        1e-14 * e.scales.gradient);
     // The closed ones are the contacts.
     const std::vector<Contact> contacts = grid.energy->Contacts(grid.u.data());
     ASSERT_EQ(closed.size(), contacts.size());
@@ -1321,7 +1332,8 @@ TEST(ContactEnergy, GapNamesSurviveRebase) {
   EXPECT_TRUE(closed(before) == closed(after));
 }
 
-// ---- trouble --------------------------------------------------------------------
+// ---- trouble
+// --------------------------------------------------------------------
 
 TEST(ContactEnergy, CoincidentGrainsHaveEnergyButNoForce) {
   for (const int d : {2, 3}) {
@@ -1360,8 +1372,8 @@ TEST(ContactEnergy, CoincidentGrainsHaveEnergyButNoForce) {
         if (energy->Recenter(u.data())) {
           EXPECT_DOUBLE_EQ(Evaluate(*energy, u).energy, expected);
         }
-        // So close that the square of the distance underflows: the direction may
-        // be lost, the force does not exceed its size.
+        // So close that the square of the distance underflows: the direction
+        // may be lost, the force does not exceed its size.
         for (const double hair : {1e-162, 1e-200, 1e-300, 5e-324}) {
           std::vector<double> w = u;
           if (apart != 0.0) break;  // u + hair = u
@@ -1376,9 +1388,7 @@ TEST(ContactEnergy, CoincidentGrainsHaveEnergyButNoForce) {
         // A hair apart there is a direction again.
         u[0] += 1e-9;
         const Evaluation near = Evaluate(*energy, u);
-        EXPECT_NEAR(near.gradient[0] / -std::pow(1.25, alpha - 1.0),
-                    1.0,
-                    1e-6);
+        EXPECT_NEAR(near.gradient[0] / -std::pow(1.25, alpha - 1.0), 1.0, 1e-6);
       }
     }
   }
@@ -1403,8 +1413,7 @@ TEST(ContactEnergy, MissesAreReportedAndLeaveTheFunctionUsable) {
         SparseMatrix hessian;
         EXPECT_FALSE(energy->EvaluateHessian(w.data(), &hessian));
         std::vector<double> product(n);
-        EXPECT_FALSE(
-            energy->HessianTimes(w.data(), u.data(), product.data()));
+        EXPECT_FALSE(energy->HessianTimes(w.data(), u.data(), product.data()));
         Gaps gaps;
         EXPECT_FALSE(energy->EvaluateGaps(w.data(), &gaps));
         EXPECT_TRUE(energy->Contacts(w.data()).empty());

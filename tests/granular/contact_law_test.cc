@@ -14,9 +14,9 @@ namespace granopt {
 // __float128 as a class, so that the laws find its sqrt and pow by name lookup.
 struct WideReal {
   __float128 v;
-  WideReal(__float128 value) : v(value) {}       // NOLINT: converts like a number
-  WideReal(double value) : v(value) {}           // NOLINT
-  WideReal(int value) : v(value) {}              // NOLINT
+  WideReal(__float128 value) : v(value) {}  // NOLINT: converts like a number
+  WideReal(double value) : v(value) {}      // NOLINT
+  WideReal(int value) : v(value) {}         // NOLINT
   friend WideReal operator+(WideReal a, WideReal b) { return a.v + b.v; }
   friend WideReal operator-(WideReal a, WideReal b) { return a.v - b.v; }
   friend WideReal operator*(WideReal a, WideReal b) { return a.v * b.v; }
@@ -110,9 +110,9 @@ void ExpectDerivatives(double alpha) {
   ForOverlaps([&](double overlap) {
     const __float128 delta = overlap;
     const __float128 h = 1e-9 * delta;
-    const __float128 dE =
-        (law.Energy(WideReal(delta + h)).v - law.Energy(WideReal(delta - h)).v) /
-        (2 * h);
+    const __float128 dE = (law.Energy(WideReal(delta + h)).v -
+                           law.Energy(WideReal(delta - h)).v) /
+                          (2 * h);
     const __float128 dF =
         (law.Force(WideReal(delta + h)).v - law.Force(WideReal(delta - h)).v) /
         (2 * h);

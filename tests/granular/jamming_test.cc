@@ -68,7 +68,9 @@ Packing Fcc(int n) {
       for (int c = 0; c < n; ++c) {
         for (const auto& site : base) {
           packing.positions.col(at++) =
-              Eigen::Vector3d(a + site[0] + .25, b + site[1] + .25, c + site[2] + .25) / n;
+              Eigen::Vector3d(
+                  a + site[0] + .25, b + site[1] + .25, c + site[2] + .25) /
+              n;
         }
       }
     }
@@ -100,8 +102,8 @@ TEST_P(CrystalTest, FaceCentredCubicLatticeJamsAtItsClosePacking) {
   options.energy.alpha = GetParam();
   JammingResult result;
   std::string error;
-  ASSERT_TRUE(FindJamming(
-      Fcc(2), options, *DefaultSolver(), nullptr, &result, &error))
+  ASSERT_TRUE(
+      FindJamming(Fcc(2), options, *DefaultSolver(), nullptr, &result, &error))
       << error;
   EXPECT_NEAR(result.phi_j, kPi / std::sqrt(18.0), result.distance);
   EXPECT_LE(result.distance, 1e-9);
@@ -120,8 +122,8 @@ TEST(Jamming, DisorderedPackingIsIsostaticAtItsJammingPoint) {
     ASSERT_TRUE(GeneratePacking(generator, &start, &error)) << error;
     JammingOptions options = Options(dimension == 2 ? 0.79 : 0.57, 1e-5, 1e-9);
     JammingResult result;
-    ASSERT_TRUE(FindJamming(
-        start, options, *DefaultSolver(), nullptr, &result, &error))
+    ASSERT_TRUE(
+        FindJamming(start, options, *DefaultSolver(), nullptr, &result, &error))
         << error;
     EXPECT_TRUE(result.converged);
     const Observables& o = result.jammed.observables;
@@ -150,8 +152,8 @@ TEST(Jamming, EverySeedEndsAtItsOwnJammingPoint) {
     ASSERT_TRUE(GeneratePacking(generator, &start, &error)) << error;
     JammingOptions options = Options(0.77, 1e-4, 1e-8);
     JammingResult result;
-    ASSERT_TRUE(FindJamming(
-        start, options, *DefaultSolver(), nullptr, &result, &error))
+    ASSERT_TRUE(
+        FindJamming(start, options, *DefaultSolver(), nullptr, &result, &error))
         << error;
     EXPECT_TRUE(result.converged) << result.distance;
     EXPECT_GE(result.cycles, 1);
@@ -173,8 +175,8 @@ TEST(Jamming, ErrorBarIsTheDistanceToTheBranchEnd) {
   ASSERT_TRUE(GeneratePacking(generator, &start, &error)) << error;
   const auto solver = DefaultSolver();
   JammingResult coarse, fine;
-  // The published algorithm ends at a distance that the bar must cover; what the
-  // decompression finds later lies within it.
+  // The published algorithm ends at a distance that the bar must cover; what
+  // the decompression finds later lies within it.
   JammingOptions published =
       Options(0.79, 1e-4, std::numeric_limits<double>::infinity());
   published.solve.vanishing_tolerance = 1e-12;
@@ -196,11 +198,13 @@ TEST(Jamming, JammedStartAndBadOptionsAreRefused) {
   JammingResult result;
   std::string error;
   const auto solver = DefaultSolver();
-  EXPECT_FALSE(FindJamming(packing, options, *solver, nullptr, &result, &error));
+  EXPECT_FALSE(
+      FindJamming(packing, options, *solver, nullptr, &result, &error));
   EXPECT_NE(error.find("jammed already at phi_init = 0.95"), std::string::npos)
       << error;
   options.phi_increment = -1.0;
-  EXPECT_FALSE(FindJamming(packing, options, *solver, nullptr, &result, &error));
+  EXPECT_FALSE(
+      FindJamming(packing, options, *solver, nullptr, &result, &error));
   EXPECT_EQ(error, "dphi = -1 must be positive");
 }
 
@@ -215,8 +219,8 @@ TEST(Jamming, ObserverSeesEveryRelaxationAndCanStop) {
     EXPECT_NE(step.result, nullptr);
     return true;
   };
-  ASSERT_TRUE(FindJamming(
-      Hexagonal(4), options, *solver, count, &result, &error))
+  ASSERT_TRUE(
+      FindJamming(Hexagonal(4), options, *solver, count, &result, &error))
       << error;
   EXPECT_EQ(seen, result.relaxations);
   const auto stop = [](const JammingStep&) { return false; };

@@ -55,8 +55,7 @@ int ExpectMatchesOracle(const Box& box,
   const int n = static_cast<int>(radii.size());
   NeighborList list;
   std::string error;
-  EXPECT_TRUE(
-      BuildNeighborList(box, positions, radii, skin, &list, &error))
+  EXPECT_TRUE(BuildNeighborList(box, positions, radii, skin, &list, &error))
       << error;
   ExpectCanonical(list, n, box.dimension());
   const auto range = [&](int i, int j) {
@@ -77,14 +76,14 @@ int ExpectMatchesOracle(const Box& box,
   EXPECT_TRUE(std::includes(
       found.begin(), found.end(), required.begin(), required.end()))
       << "a pair is missing";
-  EXPECT_TRUE(std::includes(
-      allowed.begin(), allowed.end(), found.begin(), found.end()))
+  EXPECT_TRUE(
+      std::includes(allowed.begin(), allowed.end(), found.begin(), found.end()))
       << "a pair is too far apart, or not where its image says";
   return list.num_pairs();
 }
 
-// Cells of volume of the order of one: square, rectangular, strongly sheared (in
-// 3D in two planes), random.
+// Cells of volume of the order of one: square, rectangular, strongly sheared
+// (in 3D in two planes), random.
 std::vector<Box> Cells(int dimension) {
   std::vector<Box> cells = {Box::Cube(dimension, 1.0)};
   SmallMatrix brick = SmallMatrix::Identity(dimension, dimension);
@@ -226,8 +225,8 @@ TEST(NeighborList, PositionsMayLieInAnyImage) {
 // that agree with the range to the last digit.
 TEST(NeighborList, LatticesOnTheBordersOfTheGridMatchTheSumOverAllImages) {
   for (const int repeat : {1, 2, 4, 5}) {
-    const Packing square = BravaisLattice(
-        SmallMatrix::Identity(2, 2), {repeat, repeat}, 0.5);
+    const Packing square =
+        BravaisLattice(SmallMatrix::Identity(2, 2), {repeat, repeat}, 0.5);
     const Packing cubic = BravaisLattice(
         SmallMatrix::Identity(3, 3), {repeat, repeat, repeat}, 0.5);
     const Packing hexagonal =
@@ -239,9 +238,7 @@ TEST(NeighborList, LatticesOnTheBordersOfTheGridMatchTheSumOverAllImages) {
         const int pairs = ExpectMatchesOracle(
             packing->box, packing->positions, packing->radii, skin);
         if (skin == 0.25) {
-          const int contacts = packing == &square      ? 2
-                               : packing == &fcc       ? 6
-                                                       : 3;
+          const int contacts = packing == &square ? 2 : packing == &fcc ? 6 : 3;
           EXPECT_EQ(pairs, contacts * packing->size());
         }
       }
@@ -287,10 +284,8 @@ TEST(NeighborList, RefusesACellOfWhichTooManyImagesAreNeeded) {
           << error;
       EXPECT_NE(error.find("8.02"), std::string::npos) << error;
       EXPECT_EQ(error.find('\n'), std::string::npos) << "one line";
-      EXPECT_EQ(ExpectMatchesOracle(Box(edges),
-                                    x,
-                                    Eigen::VectorXd::Constant(1, 3.98),
-                                    0.02),
+      EXPECT_EQ(ExpectMatchesOracle(
+                    Box(edges), x, Eigen::VectorXd::Constant(1, 3.98), 0.02),
                 7);
     }
   }

@@ -17,16 +17,16 @@ constexpr double kPi = 3.14159265358979323846;
 Observables MeasureAtRest(const Packing& packing, double alpha) {
   const auto energy = MakeEnergy(packing, alpha);
   const std::vector<double> zero(energy->NumParameters(), 0.0);
-  return Measure(packing,
-                 energy->Contacts(zero.data()),
-                 Evaluate(*energy).energy);
+  return Measure(
+      packing, energy->Contacts(zero.data()), Evaluate(*energy).energy);
 }
 
-// ---- states made elsewhere ------------------------------------------------------
+// ---- states made elsewhere
+// ------------------------------------------------------
 
 struct KnownState {
   const char* file;
-  double energy, energy_digit;      // as printed, and one unit of the last digit
+  double energy, energy_digit;  // as printed, and one unit of the last digit
   double pressure, pressure_digit;  // 0: not printed
   int rigid_grains, rigid_contacts;
 };
@@ -34,9 +34,19 @@ struct KnownState {
 // tests/data/README.md.
 const KnownState kKnownStates[] = {
     {"n256_phi0.8438_a2_relaxed.xyz",
-     3.25091e-06, 1e-11, 1.57304e-3, 1e-8, 254, 531},
+     3.25091e-06,
+     1e-11,
+     1.57304e-3,
+     1e-8,
+     254,
+     531},
     {"n256_phi0.8438_a2.5_relaxed.xyz",
-     5.26842e-09, 1e-14, 6.371e-6, 1e-9, 248, 508},
+     5.26842e-09,
+     1e-14,
+     6.371e-6,
+     1e-9,
+     248,
+     508},
     {"n1024_a2_p1e-04.xyz", 0.0, 0.0, 0.0, 0.0, 985, 1994},
     {"n1024_a2_p1e-08.xyz", 0.0, 0.0, 0.0, 0.0, 976, 1952},
 };
@@ -56,14 +66,12 @@ TEST(Observables, StatesMadeElsewhereHaveTheirPrintedNumbers) {
     EXPECT_EQ(o.rigid_grains, known.rigid_grains);
     EXPECT_EQ(o.rigid_contacts, known.rigid_contacts);
     EXPECT_EQ(o.rattlers, packing.size() - known.rigid_grains);
-    EXPECT_EQ(o.coordination,
-              2.0 * known.rigid_contacts / known.rigid_grains);
+    EXPECT_EQ(o.coordination, 2.0 * known.rigid_contacts / known.rigid_grains);
     EXPECT_EQ(o.isostatic_contacts, 2 * known.rigid_grains - 1);
     // A rigid packing has at least that many, (sec. 4).
     EXPECT_GE(o.rigid_contacts, o.isostatic_contacts);
-    EXPECT_NEAR(o.packing_fraction,
-                std::stod(packing.attributes.at("phi")),
-                1e-13);
+    EXPECT_NEAR(
+        o.packing_fraction, std::stod(packing.attributes.at("phi")), 1e-13);
     int rattlers = 0;
     for (const bool is_rattler : o.is_rattler) rattlers += is_rattler;
     EXPECT_EQ(rattlers, o.rattlers);
@@ -97,17 +105,19 @@ TEST(Observables, ResidualAndMeansAreThoseOfTheGradient) {
     const Evaluation e = Evaluate(*energy);
     const Observables o = MeasureAtRest(packing, 2.5);
     EXPECT_NEAR(o.max_residual, MaxAbs(e.gradient), 1e-14 * o.mean_force);
-    EXPECT_NEAR(o.relative_residual * o.mean_force / o.max_residual, 1.0, 1e-14);
+    EXPECT_NEAR(
+        o.relative_residual * o.mean_force / o.max_residual, 1.0, 1e-14);
     EXPECT_NEAR(o.mean_force / e.scales.gradient, 1.0, 1e-14);
     EXPECT_NEAR(o.mean_overlap / e.scales.length, 1.0, 1e-14);
     EXPECT_EQ(o.energy, e.energy);
   }
 }
 
-// ---- lattices -------------------------------------------------------------------
+// ---- lattices
+// -------------------------------------------------------------------
 
-// Hexagonal: three bonds a grain, sum n (x) n = 3/2, so that F = 2 v (3/2) N / V =
-// 3 phi; fcc: six bonds, sum n (x) n = 2, F = 4 phi. The stress is p.
+// Hexagonal: three bonds a grain, sum n (x) n = 3/2, so that F = 2 v (3/2) N /
+// V = 3 phi; fcc: six bonds, sum n (x) n = 2, F = 4 phi. The stress is p.
 TEST(Observables, LatticesHaveIsotropicFabricAndStress) {
   for (const double alpha : {2.0, 2.5}) {
     const double a = 0.7;
@@ -127,7 +137,8 @@ TEST(Observables, LatticesHaveIsotropicFabricAndStress) {
       const double tolerance = 100.0 * kEps / delta;
       for (int r = 0; r < d; ++r) {
         for (int c = 0; c < d; ++c) {
-          EXPECT_NEAR(o.fabric(r, c), r == c ? fabric : 0.0, tolerance * fabric);
+          EXPECT_NEAR(
+              o.fabric(r, c), r == c ? fabric : 0.0, tolerance * fabric);
           EXPECT_NEAR(
               o.stress(r, c), r == c ? pressure : 0.0, tolerance * pressure);
         }
@@ -158,8 +169,8 @@ TEST(Observables, PureShearSplitsTheStressOfAHexagonalLattice) {
   SmallMatrix fabric = SmallMatrix::Zero(2, 2);
   const double grain = kPi * r * r;
   for (const double angle : {0.0, kPi / 3.0, 2.0 * kPi / 3.0}) {
-    const SmallVector bond = PureShear(2, 0.01) *
-                             Vector2(a * std::cos(angle), a * std::sin(angle));
+    const SmallVector bond =
+        PureShear(2, 0.01) * Vector2(a * std::cos(angle), a * std::sin(angle));
     const double l = bond.norm();
     stress += (2.0 * r - l) / l * bond * bond.transpose();
     fabric += 2.0 * grain / (l * l) * bond * bond.transpose();
@@ -190,7 +201,8 @@ TEST(Observables, SimpleShearStressIsMinusSigma12) {
   }
 }
 
-// ---- the rigid part -------------------------------------------------------------
+// ---- the rigid part
+// -------------------------------------------------------------
 
 // N grains and the contacts named, all of unit force along x: only who touches
 // whom matters below.
@@ -223,9 +235,10 @@ void AddClique(int first, int count, std::vector<std::pair<int, int>>* pairs) {
 
 TEST(Observables, AChainIsPeeledFromItsEndGrainByGrain) {
   for (const int d : {2, 3}) {
-    // The core: d + 2 grains that all touch each other, d + 1 contacts each. On it
-    // hangs a strip in which each grain touches the d before it: up to 2 d contacts,
-    // d + 1 for the last but one. Only the very last has too few, until it is gone.
+    // The core: d + 2 grains that all touch each other, d + 1 contacts each. On
+    // it hangs a strip in which each grain touches the d before it: up to 2 d
+    // contacts, d + 1 for the last but one. Only the very last has too few,
+    // until it is gone.
     const int core = d + 2;
     const int strip = 12;
     std::vector<std::pair<int, int>> pairs;
@@ -274,7 +287,8 @@ TEST(Observables, NothingIsRigidWithFewerThanThreeOrFourContactsAGrain) {
 }
 
 TEST(Observables, SmallestForceIsOverTheRigidPart) {
-  std::vector<std::pair<int, int>> pairs = {{0, 4}};  // the weakest, a rattler's
+  std::vector<std::pair<int, int>> pairs = {
+      {0, 4}};  // the weakest, a rattler's
   AddClique(0, 4, &pairs);
   const Observables o = Peel(2, 5, pairs);
   EXPECT_EQ(o.rattlers, 1);
@@ -358,7 +372,8 @@ TEST(Observables, APackingWithoutContactsIsAllZero) {
   EXPECT_EQ(o.fabric.norm(), 0.0);
 }
 
-// ---- tensors and volumes --------------------------------------------------------
+// ---- tensors and volumes
+// --------------------------------------------------------
 
 TEST(Observables, SplitTensorHalvesSumAndDifferenceOfTheEigenvalues) {
   UniformRandom random(3);
@@ -379,8 +394,7 @@ TEST(Observables, SplitTensorHalvesSumAndDifferenceOfTheEigenvalues) {
             .toRotationMatrix();
     SmallMatrix diagonal = SmallMatrix::Zero(3, 3);
     diagonal.diagonal() << a, b, c;
-    const TensorParts space =
-        SplitTensor(turn3 * diagonal * turn3.transpose());
+    const TensorParts space = SplitTensor(turn3 * diagonal * turn3.transpose());
     EXPECT_NEAR(space.isotropic, (a + b + c) / 3.0, 8.0 * kEps);
     EXPECT_NEAR(space.deviatoric,
                 0.5 * (std::max({a, b, c}) - std::min({a, b, c})),
@@ -399,15 +413,14 @@ TEST(Observables, PackingFractionIsTheSumOfDiscsOrSpheresOverTheCell) {
   EXPECT_DOUBLE_EQ(discs.PackingFraction(), kPi * (0.25 + 0.0625) / 6.0);
   EXPECT_DOUBLE_EQ(MeasureAtRest(discs, 2.0).packing_fraction,
                    discs.PackingFraction());
-  Packing spheres = MakePacking(
-      Box::Cube(3, 2.0), Eigen::MatrixXd::Zero(3, 2), {0.5, 0.25});
+  Packing spheres =
+      MakePacking(Box::Cube(3, 2.0), Eigen::MatrixXd::Zero(3, 2), {0.5, 0.25});
   EXPECT_DOUBLE_EQ(spheres.PackingFraction(),
                    4.0 / 3.0 * kPi * (0.125 + 0.015625) / 8.0);
   // Touching hexagonal discs and fcc spheres.
-  EXPECT_NEAR(
-      BravaisLattice(HexagonalCell(1.0), {3, 3}, 0.5).PackingFraction(),
-      kPi / std::sqrt(12.0),
-      4.0 * kEps);
+  EXPECT_NEAR(BravaisLattice(HexagonalCell(1.0), {3, 3}, 0.5).PackingFraction(),
+              kPi / std::sqrt(12.0),
+              4.0 * kEps);
   EXPECT_NEAR(BravaisLattice(FccCell(1.0), {2, 2, 2}, 0.5).PackingFraction(),
               kPi / std::sqrt(18.0),
               4.0 * kEps);

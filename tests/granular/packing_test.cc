@@ -31,7 +31,8 @@ Packing Generate(const GeneratorOptions& options) {
   return packing;
 }
 
-// ---- generator ------------------------------------------------------------------
+// ---- generator
+// ------------------------------------------------------------------
 
 TEST(PackingGenerator, DrawsTheExactNumberOfEachSpecies) {
   const auto count = [](const Packing& packing) {
@@ -119,7 +120,8 @@ TEST(PackingGenerator, NeighboursInMemoryAreNeighboursInSpace) {
     for (int i = 1; i < packing.size(); ++i) {
       path += (packing.positions.col(i) - packing.positions.col(i - 1)).norm();
     }
-    // In units of the typical distance; without an order it would be 33 (8 in 3D).
+    // In units of the typical distance; without an order it would be 33 (8 in
+    // 3D).
     EXPECT_LT(path / 4095.0 * std::pow(4096.0, 1.0 / d), 2.0);
   }
 }
@@ -138,19 +140,42 @@ TEST(PackingGenerator, TheSameSeedGivesTheSamePackingOnEveryMachine) {
     const char* species;
   };
   const Grain recorded[] = {
-      {2, 1, 0, {0.084576673511092659, 0.0006079551298032726},
-       0.059506154383788375, "B"},
-      {2, 1, 1, {0.1193531928673558, 0.069118951954526109},
-       0.04250439598842027, "A"},
-      {2, 1, 2, {0.011375847732978728, 0.14302225048009565},
-       0.04250439598842027, "A"},
-      {2, 2, 0, {0.057294878141755712, 0.070623789797750858},
-       0.042504395988420277, "A"},
-      {3, 1, 0,
+      {2,
+       1,
+       0,
+       {0.084576673511092659, 0.0006079551298032726},
+       0.059506154383788375,
+       "B"},
+      {2,
+       1,
+       1,
+       {0.1193531928673558, 0.069118951954526109},
+       0.04250439598842027,
+       "A"},
+      {2,
+       1,
+       2,
+       {0.011375847732978728, 0.14302225048009565},
+       0.04250439598842027,
+       "A"},
+      {2,
+       2,
+       0,
+       {0.057294878141755712, 0.070623789797750858},
+       0.042504395988420277,
+       "A"},
+      {3,
+       1,
+       0,
        {0.084576673511092659, 0.0006079551298032726, 0.13416534604812969},
-       0.14324835600253011, "B"},
-      {3, 2, 0, {0.22454065627462305, 0.099650335255241251, 0.0220877386703211},
-       0.14324835600253011, "B"},
+       0.14324835600253011,
+       "B"},
+      {3,
+       2,
+       0,
+       {0.22454065627462305, 0.099650335255241251, 0.0220877386703211},
+       0.14324835600253011,
+       "B"},
   };
   for (const Grain& grain : recorded) {
     options.dimension = grain.dimension;
@@ -224,7 +249,8 @@ TEST(PackingGenerator, RefusesOptionsOutOfRangeInOneLine) {
       "species");
 }
 
-// ---- packings -------------------------------------------------------------------
+// ---- packings
+// -------------------------------------------------------------------
 
 TEST(Packing, DeformMovesPositionsAndCellInDoubleDouble) {
   for (const int d : {2, 3}) {
@@ -246,8 +272,8 @@ TEST(Packing, DeformMovesPositionsAndCellInDoubleDouble) {
           for (int c = 0; c < d; ++c) {
             expected += Quad(deformation(r, c)) * Exact(before.Position(i, c));
           }
-          EXPECT_LE(std::abs(static_cast<double>(
-                        Exact(packing.Position(i, r)) - expected)),
+          EXPECT_LE(std::abs(static_cast<double>(Exact(packing.Position(i, r)) -
+                                                 expected)),
                     1e-31);
         }
       }
@@ -366,7 +392,8 @@ TEST(Packing, PackingFractionAndMeanRadius) {
                 1.0,
                 1e-13);
     packing.ScaleRadii(0.5);
-    EXPECT_NEAR(packing.PackingFraction() / (0.8 * std::pow(0.5, d)), 1.0, 1e-13);
+    EXPECT_NEAR(
+        packing.PackingFraction() / (0.8 * std::pow(0.5, d)), 1.0, 1e-13);
     packing.SetPackingFraction(0.6);
     EXPECT_NEAR(packing.PackingFraction() / 0.6, 1.0, 1e-14);
   }
@@ -400,7 +427,8 @@ TEST(Packing, IsValidNamesTheGrainAndTheValueAtFault) {
   }
   invalid([nan](Packing* p) { p->positions_low(2, 5) = nan; },
           {"grain 5", "position"});
-  invalid([](Packing* p) { p->positions(0, 2) = -3e7; }, {"grain 2", "position"});
+  invalid([](Packing* p) { p->positions(0, 2) = -3e7; },
+          {"grain 2", "position"});
   invalid([](Packing* p) { p->radii[3] = 0.0; }, {"grain 3", "radius = 0"});
   invalid([](Packing* p) { p->radii[3] = -0.25; },
           {"grain 3", "radius = -0.25"});
@@ -419,7 +447,8 @@ TEST(Packing, IsValidNamesTheGrainAndTheValueAtFault) {
   invalid([](Packing* p) { p->species.resize(2); }, {"lengths"});
 }
 
-// ---- cells ----------------------------------------------------------------------
+// ---- cells
+// ----------------------------------------------------------------------
 
 TEST(Box, VolumeHeightsAndImages) {
   const Box sheared(Matrix2(2.0, 1.5, 0.0, 3.0));
@@ -520,7 +549,8 @@ TEST(Box, ReducedIsTheSameLatticeWithShortEdges) {
   }
 }
 
-// ---- double-double --------------------------------------------------------------
+// ---- double-double
+// --------------------------------------------------------------
 
 constexpr double kUnit2 = 0x1.0p-106;  // u^2, u = 2^-53
 
@@ -572,8 +602,8 @@ TEST(DoubleDouble, TwoSumAndTwoProductAreExact) {
   EXPECT_EQ(tiny.lo, 1e-200);
 }
 
-// Bounds: Joldes, Muller, Popescu, ACM Trans. Math. Softw. 44 (2017) 15: 3 u^2 for
-// the sum also where it cancels, 5 u^2 for the product without lo lo.
+// Bounds: Joldes, Muller, Popescu, ACM Trans. Math. Softw. 44 (2017) 15: 3 u^2
+// for the sum also where it cancels, 5 u^2 for the product without lo lo.
 TEST(DoubleDouble, SumsProductsAndRootsKeepThirtyOneDigits) {
   UniformRandom random(2);
   for (int trial = 0; trial < 20000; ++trial) {

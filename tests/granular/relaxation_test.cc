@@ -55,8 +55,7 @@ TEST(Relaxation, FindsBackToIndependentStatesExactly) {
     SolveOptions solve;
     solve.relative_tolerance = 1e-12;
     Relaxation result;
-    ASSERT_TRUE(
-        Relax(start, options, *MakeSolver(), solve, &result, &error))
+    ASSERT_TRUE(Relax(start, options, *MakeSolver(), solve, &result, &error))
         << error;
     EXPECT_EQ(result.summary.reason, StopReason::CONVERGED)
         << result.summary.BriefReport();
@@ -129,8 +128,8 @@ TEST(Relaxation, FewGrains) {
   }
 }
 
-// A first step of exactly one period of the cell leaves the energy as it was: two
-// points of equal cost that are not near each other.
+// A first step of exactly one period of the cell leaves the energy as it was:
+// two points of equal cost that are not near each other.
 TEST(Relaxation, AStepOfOnePeriodIsNoDecrease) {
   Packing packing;
   packing.box = Box::Cube(2, 1.0);
@@ -146,14 +145,13 @@ TEST(Relaxation, AStepOfOnePeriodIsNoDecrease) {
         packing, options, *MakeSolver(), SolveOptions(), &result, &error));
     EXPECT_TRUE(result.summary.Succeeded()) << result.summary.BriefReport();
     // They end half a cell apart, touching on both sides.
-    EXPECT_NEAR(result.observables.energy,
-                2.0 * std::pow(0.1, alpha) / alpha,
-                1e-9);
+    EXPECT_NEAR(
+        result.observables.energy, 2.0 * std::pow(0.1, alpha) / alpha, 1e-9);
   }
 }
 
-// Energies times 2^a and lengths times 2^b: the whole run, not just an evaluation,
-// finds the scaled packing to the accuracy asked for.
+// Energies times 2^a and lengths times 2^b: the whole run, not just an
+// evaluation, finds the scaled packing to the accuracy asked for.
 TEST(Relaxation, ResultDoesNotDependOnUnits) {
   const Packing packing = Read("n256_phi0.8438_a2_relaxed.xyz");
   Packing start = packing;

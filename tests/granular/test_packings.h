@@ -26,7 +26,8 @@ using Quad = __float128;
 
 constexpr double kEps = std::numeric_limits<double>::epsilon();
 
-// ---- packings -------------------------------------------------------------------
+// ---- packings
+// -------------------------------------------------------------------
 
 inline Packing ReadData(const std::string& name) {
   Packing packing;
@@ -56,8 +57,7 @@ inline Packing MakePacking(const Box& box,
   Packing packing;
   packing.box = box;
   packing.positions = positions;
-  packing.radii =
-      Eigen::Map<const Eigen::VectorXd>(radii.data(), radii.size());
+  packing.radii = Eigen::Map<const Eigen::VectorXd>(radii.data(), radii.size());
   return packing;
 }
 
@@ -90,8 +90,8 @@ inline Packing RandomPacking(int dimension,
                        SmallMatrix::Identity(dimension, dimension));
 }
 
-// One grain at each point P m of a lattice, m_k = 0 ... repeat_k - 1, in the cell
-// P diag(repeat).
+// One grain at each point P m of a lattice, m_k = 0 ... repeat_k - 1, in the
+// cell P diag(repeat).
 inline Packing BravaisLattice(const SmallMatrix& primitive,
                               const std::vector<int>& repeat,
                               double radius) {
@@ -143,7 +143,8 @@ inline Box RandomBox(int dimension, std::uint64_t seed) {
   }
 }
 
-// ---- evaluation -----------------------------------------------------------------
+// ---- evaluation
+// -----------------------------------------------------------------
 
 inline std::vector<double> RandomVector(int n,
                                         double amplitude,
@@ -232,16 +233,17 @@ double SecondDerivative(const Function& f, double h) {
          (12.0 * h * h);
 }
 
-// ---- oracle ---------------------------------------------------------------------
+// ---- oracle
+// ---------------------------------------------------------------------
 
 struct ImagePair {
   GapId id;
   long double distance;
 };
 
-// Every pair (i, j, image) with distance |x_i - x_j + H image| < range(i, j), once,
-// sorted, by running over all grains and over all images that the extent of the
-// cell's inverse allows: no grid, no reduction, no double rounding.
+// Every pair (i, j, image) with distance |x_i - x_j + H image| < range(i, j),
+// once, sorted, by running over all grains and over all images that the extent
+// of the cell's inverse allows: no grid, no reduction, no double rounding.
 template <typename Range>
 std::vector<ImagePair> AllImagePairs(const Box& box,
                                      const Eigen::MatrixXd& positions,
@@ -256,8 +258,9 @@ std::vector<ImagePair> AllImagePairs(const Box& box,
   Real inverse[3][3], determinant = 0;
   for (int r = 0; r < 3; ++r) {
     for (int c = 0; c < 3; ++c) {  // cofactors, cyclic indices
-      inverse[c][r] = h[(r + 1) % 3][(c + 1) % 3] * h[(r + 2) % 3][(c + 2) % 3] -
-                      h[(r + 1) % 3][(c + 2) % 3] * h[(r + 2) % 3][(c + 1) % 3];
+      inverse[c][r] =
+          h[(r + 1) % 3][(c + 1) % 3] * h[(r + 2) % 3][(c + 2) % 3] -
+          h[(r + 1) % 3][(c + 2) % 3] * h[(r + 2) % 3][(c + 1) % 3];
     }
   }
   for (int c = 0; c < 3; ++c) determinant += h[0][c] * inverse[c][0];
@@ -303,8 +306,8 @@ std::vector<ImagePair> AllImagePairs(const Box& box,
 }
 
 // True if, at u, no overlap is closer to zero than `clearance` and no pair's
-// centres are closer than 20 clearances: finite differences with steps far below
-// then see a smooth function.
+// centres are closer than 20 clearances: finite differences with steps far
+// below then see a smooth function.
 inline bool IsSmooth(const ContactEnergy& energy,
                      const std::vector<double>& u,
                      double clearance) {
