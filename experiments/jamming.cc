@@ -213,15 +213,13 @@ int Main() {
           result.jammed.packing, scene.energy, nullptr, &judge, &error)) {
     BadInput(error);
   }
-  const double judged =
-      judge.mean_force > 0.0 ? judge.max_gradient / judge.mean_force : 0.0;
   const Observables& o = result.jammed.observables;
   json["phi_j"] = result.phi_j;
   json["phi_j_error"] = result.distance;
   json["phi_cr"] = result.phi_cr;
   json["slope_from_branch"] = result.secant;
   json["state"] = RelaxationJson(result.jammed);
-  json["state"]["quad_relative_residual"] = judged;
+  json["state"]["quad_relative_residual"] = judge.Relative();
   json["provenance"] = Provenance();
 
   output.WritePacking("packing.xyz", Annotated(result.jammed, scene.energy));
@@ -275,7 +273,7 @@ int Main() {
       o.rattlers);
   std::printf(
       "  residual      %.1e mean forces, judged in quadruple precision\n",
-      judged);
+      judge.Relative());
   if (result.cycles > 1) {
     std::printf(
         "  branches      %d: the earlier ones lost stability at a finite "

@@ -133,8 +133,6 @@ int Main() {
   if (!EvaluateQuad(result.packing, scene.energy, nullptr, &judge, &error)) {
     BadInput(error);
   }
-  const double judged =
-      judge.mean_force > 0.0 ? judge.max_gradient / judge.mean_force : 0.0;
 
   // How far the energy's own forces are from the judge's.
   double force_error = 0.0;
@@ -155,7 +153,7 @@ int Main() {
 
   Json json = RelaxationJson(result);
   json["relative_residual"] = result.observables.relative_residual;
-  json["quad_relative_residual"] = judged;
+  json["quad_relative_residual"] = judge.Relative();
   json["quad_energy"] = judge.energy;
   json["force_error"] = force_error;
   json["alpha"] = scene.energy.alpha;
@@ -200,7 +198,7 @@ int Main() {
   std::printf(
       "  residual      %.1e mean forces, judged in quadruple precision "
       "(forces agree to %.0e)\n",
-      judged,
+      judge.Relative(),
       force_error);
   std::printf(
       "  work          %lld iterations, %lld evaluations, %.3g s "

@@ -12,6 +12,7 @@
 #include "granular/observables.h"
 #include "granular/relaxation.h"
 #include "nlohmann/json.hpp"
+#include "solvers/format.h"
 #include "solvers/solver.h"
 
 DECLARE_string(out);
@@ -107,10 +108,6 @@ class Progress {
   bool shown_ = false;
   std::chrono::steady_clock::time_point last_;
 };
-
-// printf into a string.
-std::string Format(const char* format, ...)
-    __attribute__((format(printf, 1, 2)));
 
 }  // namespace granopt
 

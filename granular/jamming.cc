@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <utility>
+
+#include "solvers/format.h"
 
 namespace granopt {
 namespace {
@@ -44,10 +45,10 @@ class Protocol {
     }
     if (verdict == JammingVerdict::JAMMED) {
       return Fail(
-          "the start is jammed already at phi_init = %.6f (p = %.3e): "
-          "begin lower",
-          options_.phi_init,
-          state.observables.pressure);
+          Format("the start is jammed already at phi_init = %.6f (p = %.3e): "
+                 "begin lower",
+                 options_.phi_init,
+                 state.observables.pressure));
     }
     result_->start = state.packing;
     result_->unjammed = state.packing;
@@ -74,28 +75,35 @@ class Protocol {
   static constexpr int kMaxCycles = 20;
   static constexpr int kMaxDecompressions = 60;
 
+  // Relaxes `reference` with the packing fraction phi. Unjammed, the result
+  // becomes the reference; jammed, it becomes the result.
+  bool Try(JammingStage stage, double phi, Packing* reference) {
+    Packing packing = *reference;
+    packing.SetPackingFraction(phi);
+    Relaxation state;
+    JammingVerdict verdict;
+    if (!RelaxAndJudge(stage, packing, &state, &verdict)) return false;
+    if (verdict == JammingVerdict::JAMMED) {
+      phi_jammed_ = phi;
+      result_->jammed = std::move(state);
+    } else {
+      phi_unjammed_ = phi;
+      *reference = std::move(state.packing);
+    }
+    return true;
+  }
+
   // Increment step: from the unjammed `reference` to the first jammed state.
   bool Grow(Packing* reference) {
     phi_jammed_ = 0.0;
     const double phi_start = phi_unjammed_;
     for (int step = 1; phi_jammed_ == 0.0; ++step) {
-      const double phi = phi_start + step * options_.phi_increment;
-      Packing packing = *reference;
-      packing.SetPackingFraction(phi);
-      Relaxation state;
-      JammingVerdict verdict;
-      if (!RelaxAndJudge(JammingStage::GROWTH, packing, &state, &verdict)) {
+      if (!Try(JammingStage::GROWTH,
+               phi_start + step * options_.phi_increment,
+               reference)) {
         return false;
       }
-      if (verdict == JammingVerdict::JAMMED) {
-        phi_jammed_ = phi;
-        result_->jammed = std::move(state);
-      } else {
-        phi_unjammed_ = phi;
-        *reference = std::move(state.packing);
-      }
     }
-    result_->unjammed = *reference;
     return true;
   }
 
@@ -104,29 +112,13 @@ class Protocol {
     while (phi_jammed_ - phi_unjammed_ > options_.accuracy) {
       const double phi = 0.5 * (phi_jammed_ + phi_unjammed_);
       if (!(phi > phi_unjammed_) || !(phi < phi_jammed_)) break;
-      Packing packing = *reference;
-      packing.SetPackingFraction(phi);
-      Relaxation state;
-      JammingVerdict verdict;
-      if (!RelaxAndJudge(JammingStage::BISECTION, packing, &state, &verdict)) {
-        return false;
-      }
-      if (verdict == JammingVerdict::JAMMED) {
-        phi_jammed_ = phi;
-        result_->jammed = std::move(state);
-      } else {
-        phi_unjammed_ = phi;
-        *reference = std::move(state.packing);
-      }
+      if (!Try(JammingStage::BISECTION, phi, reference)) return false;
     }
     result_->unjammed = *reference;
     return true;
   }
 
-  template <typename... T>
-  bool Fail(const char* format, T... values) {
-    char line[512];
-    std::snprintf(line, sizeof(line), format, values...);
+  bool Fail(const std::string& line) {
     *error_ = line;
     return false;
   }
@@ -238,14 +230,14 @@ class Protocol {
       if (*verdict != JammingVerdict::UNDECIDED) return true;
       if (attempt == options_.max_attempts) {
         return Fail(
-            "undecided at phi = %.10f after %d attempts: max|g| = %.2e "
-            "mean forces > %.1e, p = %.3e (%s)",
-            packing.PackingFraction(),
-            attempt,
-            state->observables.relative_residual,
-            options_.undecided_residual,
-            state->observables.pressure,
-            state->summary.message.c_str());
+            Format("undecided at phi = %.10f after %d attempts: max|g| = %.2e "
+                   "mean forces > %.1e, p = %.3e (%s)",
+                   packing.PackingFraction(),
+                   attempt,
+                   state->observables.relative_residual,
+                   options_.undecided_residual,
+                   state->observables.pressure,
+                   state->summary.message.c_str()));
       }
       again = state->packing;
       start = &again;
@@ -322,9 +314,7 @@ bool FindJamming(const Packing& start,
                  std::string* error) {
   const auto positive = [error](const char* name, double value) {
     if (value > 0.0 && std::isfinite(value)) return true;
-    char line[128];
-    std::snprintf(line, sizeof(line), "%s = %g must be positive", name, value);
-    *error = line;
+    *error = Format("%s = %g must be positive", name, value);
     return false;
   };
   if (!positive("phi_init", options.phi_init) ||

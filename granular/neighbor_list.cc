@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 #include <limits>
 #include <utility>
+
+#include "solvers/format.h"
 
 namespace granopt {
 namespace {
@@ -44,15 +45,10 @@ bool BuildNeighborList(const Box& given_box,
   constexpr double kMostRatio = 1e9;
   int smallest;
   if (radii.minCoeff(&smallest) < radii.maxCoeff() / kMostRatio) {
-    char line[96];
-    std::snprintf(
-        line,
-        sizeof(line),
-        "grain %d: radius = %g is more than 1e9 times smaller than the "
-        "largest",
+    *error = Format(
+        "grain %d: radius = %g is more than 1e9 times smaller than the largest",
         smallest,
         radii[smallest]);
-    *error = line;
     return false;
   }
   Eigen::Matrix3i transform;

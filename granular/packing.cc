@@ -1,9 +1,9 @@
 #include "granular/packing.h"
 
 #include <cmath>
-#include <cstdio>
 
 #include "granular/random.h"
+#include "solvers/format.h"
 
 namespace granopt {
 namespace {
@@ -11,9 +11,7 @@ namespace {
 constexpr double kPi = 3.14159265358979323846;
 
 std::string GrainError(int i, const char* what, double value) {
-  char line[160];
-  std::snprintf(line, sizeof(line), "grain %d: %s = %.17g ", i, what, value);
-  return line;
+  return Format("grain %d: %s = %.17g ", i, what, value);
 }
 
 }  // namespace

@@ -22,6 +22,11 @@ struct QuadResidual {
   double mean_force = 0.0;    // over contacts
   int contacts = 0;
   std::vector<double> gradient;  // d N, each rounded once
+
+  // max_gradient / mean_force; 0 without contacts.
+  double Relative() const {
+    return mean_force > 0.0 ? max_gradient / mean_force : 0.0;
+  }
 };
 
 // `displacements` (d N entries) may be null: zero. Returns false with one line

@@ -2,25 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <cstring>
 #include <limits>
 #include <utility>
+
+#include "solvers/format.h"
 
 namespace granopt {
 namespace {
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-
-std::string Format(const char* format, ...) {
-  char buffer[512];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(buffer, sizeof(buffer), format, arguments);
-  va_end(arguments);
-  return buffer;
-}
 
 double MaxNorm(const double* v, int n) {
   double result = 0.0;
