@@ -553,7 +553,7 @@ def Key(figure, view, contacts, bottom, size=12.5):
     shades = [Rectangle((3 * k, height / 2 - 5), 3.1, 10, linewidth=0,
                         facecolor=Fogged(STRONG, k / (steps - 1)))
               for k in range(steps)]
-    rows.append(Row("projection along z:   back", Sample(3 * steps, *shades), "front"))
+    rows.append(Row("projection along z, spheres reduced:   back", Sample(3 * steps, *shades), "front"))
   figure.add_artist(AnchoredOffsetbox(
       "center", child=VPacker(children=rows, align="center", pad=0, sep=5), pad=0,
       frameon=False, bbox_to_anchor=(0.5, bottom / figure.get_size_inches()[1]),

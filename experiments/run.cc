@@ -67,7 +67,10 @@ void PrintHelp(const char* purpose) {
   for (const auto& flag : OwnFlags()) {
     const std::string text =
         "--" + flag.name +
-        (flag.type == "bool" ? "" : "=" + flag.default_value);
+        (flag.type == "bool" ? ""
+         : flag.type == "double"
+             ? Format("=%g", std::strtod(flag.default_value.c_str(), nullptr))
+             : "=" + flag.default_value);
     std::printf("  %-34s %s\n", text.c_str(), flag.description.c_str());
   }
   std::printf(
