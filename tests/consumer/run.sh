@@ -53,7 +53,7 @@ fi
 
 say "build with find_package(granopt)"
 {
-  cmake -S "$here" -B "$work/cmake" \
+  cmake -G Ninja -S "$here" -B "$work/cmake" \
     -DCMAKE_PREFIX_PATH="$work/prefix" \
     -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS_RELEASE=-O1 \
     -DCMAKE_CXX_COMPILER="$compiler" \
