@@ -95,46 +95,73 @@ class Kernel final : public ContactKernel {
   }
 
  private:
-  // Two passes. The first runs over pairs without a branch that depends on the
-  // data, so that square roots and divisions overlap; the second adds forces
-  // up. An open gap adds exact zeros: results do not depend on which open gaps
-  // the list holds.
+  // Blocks of pairs: gathered, evaluated without a branch that depends on the
+  // data (the compiler makes square roots and divisions of several pairs at
+  // once), added up in order. Then the forces are scattered. An open gap adds
+  // exact zeros: results do not depend on which open gaps the list holds.
   template <bool kGradient, bool kStiffness>
   ContactSums Sweep(const PairView& pairs,
                     const double* w,
                     double* gradient) const {
+    constexpr int kBlock = 64;
     const int n = pairs.num_grains;
     const int m = pairs.row_start[n];
     double* const pair_force = pairs.pair_force;
     double energy = 0.0, force_sum = 0.0, overlap = 0.0, virial = 0.0;
     std::int64_t contacts = 0;
-    for (int p = 0; p < m; ++p) {
-      const ReferencePair& ref = pairs.reference[p];
-      const double* wi = w + D * pairs.i[p];
-      const double* wj = w + D * pairs.j[p];
-      double r[D];
-      double change = 0.0, d2 = 0.0;
-      for (int c = 0; c < D; ++c) {
-        const double s = wi[c] - wj[c];
-        r[c] = ref.r0[c] + s;
-        change += s * (ref.r0[c] + r[c]);  // 2 r0.s + s.s
-        d2 += r[c] * r[c];
-      }
-      const double d = std::sqrt(d2);
-      const double delta = std::max(ref.delta0 - change / (d + ref.d0), 0.0);
-      const double k = kStiffness ? pairs.stiffness[p] : 1.0;
-      const double force = k * law_.Force(delta);
-      energy += k * law_.Energy(delta);
-      force_sum += force;
-      overlap += delta;
-      virial += force * d;
-      contacts += delta > 0.0 ? 1 : 0;
-      if (kGradient) {
-        // Centres that coincide have no direction and get no force.
-        const double f_over_d =
-            force / (d > 0.0 ? d : std::numeric_limits<double>::infinity());
+    double s[D][kBlock] = {}, r[D][kBlock] = {};  // in: r = r0
+    double d0[kBlock] = {}, delta0[kBlock] = {}, k[kBlock] = {};
+    double delta[kBlock], d[kBlock], force[kBlock], e[kBlock];
+    double f_over_d[kBlock];
+    for (int first = 0; first < m; first += kBlock) {
+      const int count = std::min(kBlock, m - first);
+      for (int q = 0; q < count; ++q) {
+        const int p = first + q;
+        const ReferencePair& ref = pairs.reference[p];
+        const double* wi = w + D * pairs.i[p];
+        const double* wj = w + D * pairs.j[p];
         for (int c = 0; c < D; ++c) {
-          pair_force[D * p + c] = f_over_d * r[c];
+          s[c][q] = wi[c] - wj[c];
+          r[c][q] = ref.r0[c];
+        }
+        d0[q] = ref.d0;
+        delta0[q] = ref.delta0;
+        if (kStiffness) k[q] = pairs.stiffness[p];
+      }
+      // The whole block, whatever count is: a fixed length has no remainder
+      // loop.
+      for (int q = 0; q < kBlock; ++q) {
+        double change = 0.0, d2 = 0.0;
+        for (int c = 0; c < D; ++c) {
+          const double r0 = r[c][q];
+          r[c][q] = r0 + s[c][q];
+          change += s[c][q] * (r0 + r[c][q]);  // 2 r0.s + s.s
+          d2 += r[c][q] * r[c][q];
+        }
+        d[q] = std::sqrt(d2);
+        const double gap = delta0[q] - change / (d[q] + d0[q]);
+        delta[q] = gap > 0.0 ? gap : 0.0;
+        force[q] = law_.Force(delta[q]);
+        e[q] = law_.Energy(delta[q]);
+        if (kStiffness) {
+          force[q] *= k[q];
+          e[q] *= k[q];
+        }
+        // Centres that coincide have no direction and get no force.
+        f_over_d[q] =
+            force[q] /
+            (d[q] > 0.0 ? d[q] : std::numeric_limits<double>::infinity());
+      }
+      for (int q = 0; q < count; ++q) {
+        energy += e[q];
+        force_sum += force[q];
+        overlap += delta[q];
+        virial += force[q] * d[q];
+        contacts += delta[q] > 0.0 ? 1 : 0;
+        if (kGradient) {
+          for (int c = 0; c < D; ++c) {
+            pair_force[D * (first + q) + c] = f_over_d[q] * r[c][q];
+          }
         }
       }
     }
