@@ -93,11 +93,10 @@ int Main() {
                 .c_str()
           : "");
   std::printf(
-      "          each state relaxed to |g| <= %g mean forces; unjammed if "
-      "p / (k r^(alpha-%d)) falls below %g\n",
+      "          each state relaxed to |g| <= %g mean forces; unjammed below "
+      "--zero_pressure=%g\n",
       options.solve.relative_tolerance,
-      d,
-      std::pow(FLAGS_zero_pressure, scene.energy.alpha - 1.0));
+      FLAGS_zero_pressure);
   std::printf("          method %s\n", scene.solver->name().c_str());
   std::fflush(stdout);
 
