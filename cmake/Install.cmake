@@ -53,7 +53,7 @@ function(granopt_pkg_config pc_name pc_description pc_requires libs hidden publi
   install(FILES ${CMAKE_CURRENT_BINARY_DIR}/${pc_name}.pc
           DESTINATION ${granopt_pc_dir})
 endfunction()
-set(hidden -lglog)
+set(hidden ${optional_all_pkg_config} -lglog)
 if(GRANOPT_CHOLMOD)
   list(PREPEND hidden -lcholmod)
 endif()

@@ -219,7 +219,7 @@ bool ContactEnergy::EvaluateWithScales(const double* u,
     last_overlap_ = 0.0;
   }
   if (scales != nullptr) {
-    scales->length = last_overlap_;
+    scales->length = last_overlap_ / (options_.alpha - 1.0);
     scales->gradient = sums.contacts > 0
                            ? sums.force / static_cast<double>(sums.contacts)
                            : 0.0;

@@ -49,7 +49,8 @@ struct Contact {
 // and Hessian are pure functions of (reference, u): bitwise independent of the
 // neighbour list that happens to be in use.
 //
-// Scales: gradient = mean contact force, length = mean overlap, vanishing = the
+// Scales: gradient = mean contact force, length = mean overlap / (alpha - 1),
+// over which a force changes by its own size, vanishing = the
 // larger of (p / (k r^(alpha-d)))^(1/(alpha-1)) and mean overlap / r with the
 // mean radius r, both of the order of a distance in packing fraction. Grains
 // whose centres coincide exactly exert no force on each other (the direction is
@@ -75,6 +76,7 @@ class ContactEnergy : public UnilateralFunction {
   // SecondOrderFunction. The pattern holds every pair of the neighbour list.
   bool EvaluateHessian(const double* u, SparseMatrix* hessian) const override;
   std::int64_t PatternVersion() const override { return list_version_; }
+  int BlockSize() const override { return dimension_; }
   bool HessianTimes(const double* u,
                     const double* v,
                     double* hv) const override;

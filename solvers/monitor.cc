@@ -51,6 +51,8 @@ const char* StopReasonName(StopReason reason) {
       return "NO_PROGRESS";
     case StopReason::EVALUATION_FAILED:
       return "EVALUATION_FAILED";
+    case StopReason::UNSUPPORTED:
+      return "UNSUPPORTED";
   }
   return "UNKNOWN";
 }
@@ -91,9 +93,12 @@ std::string Summary::FullReport() const {
       static_cast<long long>(counters.evaluations),
       static_cast<long long>(counters.hessians),
       static_cast<long long>(counters.factorizations));
-  report += Format("  time           %.3g s, %.0f %% of it in the function\n",
-                   seconds,
-                   seconds > 0 ? 100.0 * function_seconds / seconds : 0.0);
+  report += Format(
+      "  time           %.3g s, %.0f %% of it in the function, %.0f %% in linear "
+      "algebra\n",
+      seconds,
+      seconds > 0 ? 100.0 * function_seconds / seconds : 0.0,
+      seconds > 0 ? 100.0 * linear_seconds / seconds : 0.0);
   return report;
 }
 
@@ -248,7 +253,9 @@ bool Monitor::Accept(const double* x,
                                                       max_gradient,
                                                       scales,
                                                       counters_,
-                                                      Seconds()})) {
+                                                      Seconds(),
+                                                      function_seconds_,
+                                                      linear_seconds_})) {
     Stop(
         StopReason::CALLBACK,
         Format("stopped by the caller, |g| = %.2e > %.2e after %lld iterations",
@@ -295,6 +302,10 @@ void Monitor::GiveUp(const std::string& why) {
               Tolerance(best_scales_),
               static_cast<long long>(counters_.iterations)) +
            why);
+}
+
+void Monitor::Refuse(const std::string& why) {
+  Stop(StopReason::UNSUPPORTED, why);
 }
 
 void Monitor::FailEvaluation() {
@@ -348,6 +359,7 @@ Summary Monitor::Finish(double* x) {
   summary.counters = counters_;
   summary.seconds = Seconds();
   summary.function_seconds = function_seconds_;
+  summary.linear_seconds = linear_seconds_;
   summary.trace = std::move(trace_);
   return summary;
 }

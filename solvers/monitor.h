@@ -63,9 +63,26 @@ class Monitor {
 
   // The method's own end. Ignored if a reason is already set.
   void GiveUp(const std::string& why);
+  // The method cannot serve this function (Solver::Supports()).
+  void Refuse(const std::string& why);
   // The method cannot go on since the last evaluation was not finite.
   void FailEvaluation();
   bool LastEvaluationFailed() const { return !not_finite_.empty(); }
+
+  // Time spent while one of these lives counts as linear algebra. Evaluations
+  // must not happen meanwhile.
+  class LinearTimer {
+   public:
+    explicit LinearTimer(Monitor* monitor)
+        : monitor_(monitor), start_(monitor->Seconds()) {}
+    ~LinearTimer() { monitor_->linear_seconds_ += monitor_->Seconds() - start_; }
+    LinearTimer(const LinearTimer&) = delete;
+    LinearTimer& operator=(const LinearTimer&) = delete;
+
+   private:
+    Monitor* monitor_;
+    const double start_;
+  };
 
   // Calls function->Recenter(x), counted.
   void Recenter(const double* x);
@@ -95,6 +112,7 @@ class Monitor {
   const int n_;
   const std::chrono::steady_clock::time_point start_;
   double function_seconds_ = 0.0;
+  double linear_seconds_ = 0.0;
   Counters counters_;
   std::string solver_name_;
 

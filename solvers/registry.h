@@ -12,6 +12,8 @@
 
 namespace granopt {
 
+class Preconditioner;
+
 // The `key=value` options of one method. A method's constructor reads each
 // option once, with its default and help; that call is the only place where the
 // option is stated, and it is what --list_solvers prints.
@@ -35,6 +37,12 @@ class Parameters {
           int default_value,
           int minimum,
           const std::string& help);
+  // minimum <= value <= maximum.
+  double Double(const std::string& key,
+                double default_value,
+                double minimum,
+                double maximum,
+                const std::string& help);
   // One of `choices` ("a|b|c"); returns its index.
   int Choice(const std::string& key,
              const std::string& default_value,
@@ -61,6 +69,7 @@ class Parameters {
   std::string error_;
 };
 
+// A registered method or preconditioner.
 struct SolverInfo {
   std::string name;
   std::string summary;   // one line
@@ -76,6 +85,8 @@ std::unique_ptr<Solver> CreateSolver(const std::string& spec,
 
 // Every registered method, by name.
 std::vector<SolverInfo> ListSolvers();
+// Every registered preconditioner, by name, with its own options.
+std::vector<SolverInfo> ListPreconditioners();
 
 // The table that `--list_solvers` prints: names, lines, options, citations.
 std::string SolverTable();
@@ -87,6 +98,15 @@ void RegisterSolver(const std::string& name,
                     const std::string& summary,
                     const std::string& citation,
                     SolverFactory factory);
+
+using PreconditionerFactory = std::unique_ptr<Preconditioner> (*)(Parameters*);
+void RegisterPreconditioner(const std::string& name,
+                            const std::string& summary,
+                            const std::string& citation,
+                            PreconditionerFactory factory);
+std::vector<std::string> PreconditionerNames();
+// Null for an unknown name.
+PreconditionerFactory FindPreconditioner(const std::string& name);
 
 }  // namespace internal
 }  // namespace granopt
@@ -105,6 +125,21 @@ void RegisterSolver(const std::string& name,
           return std::make_unique<Class>(parameters);   \
         });                                             \
   }                                                     \
+  static_assert(true, "")
+
+// The same for preconditioners in solvers/preconditioners. Another library
+// calls GranoptRegister_<name>() itself, before the first CreateSolver().
+#define REGISTER_PRECONDITIONER(name, Class, summary, citation) \
+  void GranoptRegister_##name() {                               \
+    ::granopt::internal::RegisterPreconditioner(                \
+        #name,                                                  \
+        summary,                                                \
+        citation,                                               \
+        [](::granopt::Parameters* parameters)                   \
+            -> std::unique_ptr<::granopt::Preconditioner> {     \
+          return std::make_unique<Class>(parameters);           \
+        });                                                     \
+  }                                                             \
   static_assert(true, "")
 
 #endif  // GRANOPT_SOLVERS_REGISTRY_H_

@@ -25,6 +25,10 @@ class SecondOrderFunction : public FirstOrderFunction {
   virtual bool EvaluateHessian(const double* x,
                                SparseMatrix* hessian) const = 0;
 
+  // Variables come in blocks of this many (the coordinates of a point), which a
+  // method may keep together.
+  virtual int BlockSize() const { return 1; }
+
   // Changes whenever the pattern that EvaluateHessian() writes has changed, so
   // that a symbolic factorization can be kept. Valid after EvaluateHessian().
   virtual std::int64_t PatternVersion() const = 0;

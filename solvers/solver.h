@@ -27,6 +27,8 @@ enum class StopReason {
   NO_PROGRESS,
   // The function or its gradient was not finite where a method cannot go on.
   EVALUATION_FAILED,
+  // The method cannot serve this function, see Solver::Supports().
+  UNSUPPORTED,
 };
 
 // "CONVERGED", ...
@@ -55,7 +57,9 @@ struct IterationState {
   double max_gradient = 0.0;
   Scales scales;
   Counters counters;
-  double seconds = 0.0;
+  double seconds = 0.0;           // wall time so far
+  double function_seconds = 0.0;  // of which inside the function
+  double linear_seconds = 0.0;    // of which in matrices, factors and solves
 };
 
 // One row of the record of a run.
@@ -109,6 +113,7 @@ struct Summary {
   Counters counters;
   double seconds = 0.0;           // wall time of the run
   double function_seconds = 0.0;  // of which inside the function
+  double linear_seconds = 0.0;    // of which in matrices, factors and solves
   std::vector<TraceRow> trace;
 
   bool Succeeded() const {
@@ -132,6 +137,16 @@ class Solver {
   virtual Summary Minimize(FirstOrderFunction* function,
                            const SolveOptions& options,
                            double* x) const = 0;
+
+  // False, with one line in `error`, for a function that the method cannot
+  // serve (one without second derivatives for a method that needs them).
+  // Minimize() then leaves x alone and returns StopReason::UNSUPPORTED.
+  virtual bool Supports(const FirstOrderFunction& function,
+                        std::string* error) const {
+    (void)function;
+    (void)error;
+    return true;
+  }
 
   // "name:key=value,...", as given to CreateSolver().
   const std::string& name() const { return name_; }
