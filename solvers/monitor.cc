@@ -94,7 +94,8 @@ std::string Summary::FullReport() const {
       static_cast<long long>(counters.hessians),
       static_cast<long long>(counters.factorizations));
   report += Format(
-      "  time           %.3g s, %.0f %% of it in the function, %.0f %% in linear "
+      "  time           %.3g s, %.0f %% of it in the function, %.0f %% in "
+      "linear "
       "algebra\n",
       seconds,
       seconds > 0 ? 100.0 * function_seconds / seconds : 0.0,

@@ -75,7 +75,9 @@ class Monitor {
    public:
     explicit LinearTimer(Monitor* monitor)
         : monitor_(monitor), start_(monitor->Seconds()) {}
-    ~LinearTimer() { monitor_->linear_seconds_ += monitor_->Seconds() - start_; }
+    ~LinearTimer() {
+      monitor_->linear_seconds_ += monitor_->Seconds() - start_;
+    }
     LinearTimer(const LinearTimer&) = delete;
     LinearTimer& operator=(const LinearTimer&) = delete;
 
