@@ -57,14 +57,7 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
 
   while (!monitor.stopped()) {
     const double* z = preconditioned ? z_own.data() : g.data();
-    // Where the function states no scales: the step to a zero of the linear
-    // model.
-    double unit = 1.0;
-    if (!preconditioned) {
-      unit = scales.gradient > 0.0 && scales.length > 0.0
-                 ? scales.length / scales.gradient
-                 : std::abs(cost) / g.squaredNorm();
-    }
+    const double unit = preconditioned ? 1.0 : monitor.StepUnit();
     double first_step = rule->Direction(g.data(), z, unit, d.data());
     LinePoint start{0.0, cost, g.dot(d)};
     if (!(start.slope < 0.0) && !is_fresh) {

@@ -1,12 +1,16 @@
 #include "solvers/linear_solver.h"
+
 #include <cmath>
 #include <vector>
+
 #include "solvers/sparse_cholesky.h"
 namespace granopt {
 namespace {
 class Direct : public LinearSolver {
  public:
-  bool Factorize(const SparseMatrix& lower, std::int64_t v, double shift) override {
+  bool Factorize(const SparseMatrix& lower,
+                 std::int64_t v,
+                 double shift) override {
     ++factorizations_;
     double largest = 0;
     for (int j = 0; j < lower.outerSize(); ++j)
@@ -36,5 +40,7 @@ class Direct : public LinearSolver {
   SparseCholesky c_;
 };
 }  // namespace
-std::unique_ptr<LinearSolver> MakeLinearSolver(Parameters*) { return std::make_unique<Direct>(); }
+std::unique_ptr<LinearSolver> MakeLinearSolver(Parameters*) {
+  return std::make_unique<Direct>();
+}
 }  // namespace granopt
