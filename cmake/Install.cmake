@@ -55,6 +55,9 @@ function(granopt_pkg_config pc_name pc_description pc_requires libs hidden publi
 endfunction()
 set(hidden ${optional_all_pkg_config} -lglog)
 if(GRANOPT_CHOLMOD)
+  if(GOMP_LIBRARY)
+    list(PREPEND hidden -lgomp)
+  endif()
   list(PREPEND hidden -lcholmod)
 endif()
 granopt_pkg_config(granopt-solvers

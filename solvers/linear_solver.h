@@ -46,9 +46,10 @@ class LinearSolver {
 };
 
 // Reads the options
-//   linear=cholesky|pcg|amg      direct, preconditioned conjugate gradients
-//                                (Eigen), conjugate gradients with algebraic
-//                                multigrid (hypre BoomerAMG)
+//   linear=cholesky|pcg|amg      direct (SparseCholesky), conjugate gradients
+//                                preconditioned by the diagonal (Eigen), those
+//                                preconditioned by algebraic multigrid (hypre
+//                                BoomerAMG; refused in a build without)
 //   ordering=amd|metis|rcm       of the direct one
 //   linear_tolerance=1e-8        of the iterative ones, |b - A x| / |b|
 std::unique_ptr<LinearSolver> MakeLinearSolver(Parameters* parameters);

@@ -202,6 +202,15 @@ int Parameters::Choice(const std::string& key,
   return 0;
 }
 
+void Parameters::Refuse(const std::string& key,
+                        const std::string& value,
+                        const std::string& why) {
+  if (error_.empty()) {
+    error_ = "option " + key + "=" + value + " " + why +
+             ", which this build is without";
+  }
+}
+
 std::string Parameters::Error() const {
   if (!error_.empty()) return error_;
   for (const auto& given : values_) {

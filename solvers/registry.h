@@ -49,6 +49,11 @@ class Parameters {
              const std::string& choices,
              const std::string& help);
 
+  // A value that this build is without: "option key=value why".
+  void Refuse(const std::string& key,
+              const std::string& value,
+              const std::string& why);
+
   const std::vector<Spec>& specs() const { return specs_; }
   // The first thing found wrong: a value that does not parse, or a key that no
   // call above asked for. Empty if all is well.

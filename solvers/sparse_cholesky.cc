@@ -2,63 +2,133 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
+
+#include "solvers/normalize.h"
+#include "solvers/reverse_cuthill_mckee.h"
 
 #ifdef GRANOPT_HAVE_CHOLMOD
 #include <cholmod.h>
+#ifdef GRANOPT_HAVE_GOMP
+// As <omp.h> has them, which not every compiler comes with.
+extern "C" int omp_get_max_active_levels();
+extern "C" void omp_set_max_active_levels(int levels);
+#endif
 #else
+#include "Eigen/OrderingMethods"
 #include "Eigen/SparseCholesky"
 #endif
 
 namespace granopt {
 
 #ifdef GRANOPT_HAVE_CHOLMOD
+namespace {
+
+// CHOLMOD opens four threads, however few processors there are and whatever
+// OMP_NUM_THREADS says, for updates so small that one thread is faster.
+class OneThread {
+#ifdef GRANOPT_HAVE_GOMP
+ public:
+  OneThread() : levels_(omp_get_max_active_levels()) {
+    omp_set_max_active_levels(0);
+  }
+  ~OneThread() { omp_set_max_active_levels(levels_); }
+  OneThread(const OneThread&) = delete;
+  OneThread& operator=(const OneThread&) = delete;
+
+ private:
+  const int levels_;
+#endif
+};
+
+}  // namespace
 
 class SparseCholesky::Backend {
  public:
-  Backend() {
+  explicit Backend(Ordering ordering) : ordering_(ordering) {
     cholmod_start(&common_);
     // CHOLMOD's default for small matrices is LDL^T, which accepts indefinite
     // matrices without a word; LL^T says so. Its messages would go to stdout.
     common_.final_ll = 1;
     common_.print = 0;
+    // Large matrices are factored by dense blocks (supernodes), but solves with
+    // single columns of L take half the time of solves with blocks. Zeros that
+    // the blocks are padded with are dropped, except from a band, where they
+    // keep columns alike.
+    common_.final_asis = 0;
+    common_.final_super = 0;
+    common_.final_pack = 1;
+    common_.final_monotonic = 1;
+    common_.final_resymbol = ordering == Ordering::RCM ? 0 : 1;
     common_.quick_return_if_not_posdef = 1;
-    // AMD alone: trying METIS as well costs more than it gains below 10^5
+    // One ordering: trying METIS as well costs more than it gains below 10^5
     // unknowns.
     common_.nmethods = 1;
-    common_.method[0].ordering = CHOLMOD_AMD;
+    common_.method[0].ordering = ordering == Ordering::METIS ? CHOLMOD_METIS
+                                 : ordering == Ordering::RCM ? CHOLMOD_GIVEN
+                                                             : CHOLMOD_AMD;
     common_.postorder = 1;
   }
   ~Backend() {
+    cholmod_free_dense(&solution_, &common_);
+    cholmod_free_dense(&work_y_, &common_);
+    cholmod_free_dense(&work_e_, &common_);
     cholmod_free_factor(&factor_, &common_);
+    cholmod_free_factor(&symbolic_, &common_);
     cholmod_finish(&common_);
   }
   Backend(const Backend&) = delete;
   Backend& operator=(const Backend&) = delete;
 
-  void Analyze(const SparseMatrix& lower) {
+  bool Analyze(const SparseMatrix& lower) {
     cholmod_free_factor(&factor_, &common_);
-    cholmod_sparse view = View(lower);
-    factor_ = cholmod_analyze(&view, &common_);
+    cholmod_free_factor(&symbolic_, &common_);
+    cholmod_sparse a = Sparse(lower, lower.valuePtr());
+    std::vector<int> order;
+    if (ordering_ == Ordering::RCM) order = ReverseCuthillMcKee(lower);
+    symbolic_ = cholmod_analyze_p(
+        &a, order.empty() ? nullptr : order.data(), nullptr, 0, &common_);
+    if (symbolic_ == nullptr) return false;
+    factor_ = cholmod_copy_factor(symbolic_, &common_);
+    return factor_ != nullptr;
   }
 
-  bool Factorize(const SparseMatrix& lower, double shift) {
-    cholmod_sparse view = View(lower);
+  bool Factorize(const SparseMatrix& lower,
+                 const double* values,
+                 double shift) {
+    cholmod_sparse a = Sparse(lower, values);
     double beta[2] = {shift, 0.0};
-    cholmod_factorize_p(&view, beta, nullptr, 0, factor_, &common_);
+    if (symbolic_->is_super) {
+      cholmod_free_factor(&factor_, &common_);
+      factor_ = cholmod_copy_factor(symbolic_, &common_);
+      if (factor_ == nullptr) return false;
+    }
+    [[maybe_unused]] const OneThread one_thread;
+    cholmod_factorize_p(&a, beta, nullptr, 0, factor_, &common_);
     return common_.status == CHOLMOD_OK && factor_->minor == factor_->n;
   }
 
-  void Solve(const double* b, double* x) {
-    const std::size_t n = factor_->n;
-    cholmod_dense* right =
-        cholmod_allocate_dense(n, 1, n, CHOLMOD_REAL, &common_);
-    std::copy(b, b + n, static_cast<double*>(right->x));
-    cholmod_dense* solution =
-        cholmod_solve(CHOLMOD_A, factor_, right, &common_);
-    const auto* values = static_cast<const double*>(solution->x);
-    std::copy(values, values + n, x);
-    cholmod_free_dense(&right, &common_);
-    cholmod_free_dense(&solution, &common_);
+  // One column after the other. The result lives until the next call.
+  const double* Solve(const double* b, int columns) {
+    cholmod_dense right = {};
+    right.nrow = factor_->n;
+    right.ncol = static_cast<std::size_t>(columns);
+    right.nzmax = right.nrow * right.ncol;
+    right.d = right.nrow;
+    right.x = const_cast<double*>(b);
+    right.xtype = CHOLMOD_REAL;
+    right.dtype = CHOLMOD_DOUBLE;
+    // Keeps the solution and both work spaces from one solve to the next.
+    cholmod_solve2(CHOLMOD_A,
+                   factor_,
+                   &right,
+                   nullptr,
+                   &solution_,
+                   nullptr,
+                   &work_y_,
+                   &work_e_,
+                   &common_);
+    return static_cast<const double*>(solution_->x);
   }
 
   std::int64_t NumNonzeros() const {
@@ -66,26 +136,39 @@ class SparseCholesky::Backend {
   }
 
  private:
-  static cholmod_sparse View(const SparseMatrix& lower) {
-    cholmod_sparse view = {};
-    view.nrow = static_cast<std::size_t>(lower.rows());
-    view.ncol = static_cast<std::size_t>(lower.cols());
-    view.nzmax = static_cast<std::size_t>(lower.nonZeros());
-    view.p = const_cast<int*>(lower.outerIndexPtr());
-    view.i = const_cast<int*>(lower.innerIndexPtr());
-    view.x = const_cast<double*>(lower.valuePtr());
-    view.stype = -1;
-    view.itype = CHOLMOD_INT;
-    view.xtype = CHOLMOD_REAL;
-    view.dtype = CHOLMOD_DOUBLE;
-    view.sorted = 1;
-    view.packed = 1;
-    return view;
+  static cholmod_sparse Sparse(const SparseMatrix& lower,
+                               const double* values) {
+    cholmod_sparse a = {};
+    a.nrow = static_cast<std::size_t>(lower.rows());
+    a.ncol = static_cast<std::size_t>(lower.cols());
+    a.nzmax = static_cast<std::size_t>(lower.nonZeros());
+    a.p = const_cast<int*>(lower.outerIndexPtr());
+    // Null pointers are refused, even where there is nothing to point to.
+    static int no_row = 0;
+    static double no_value = 0.0;
+    a.i = a.nzmax == 0 ? &no_row : const_cast<int*>(lower.innerIndexPtr());
+    a.x = a.nzmax == 0 ? &no_value : const_cast<double*>(values);
+    a.stype = -1;
+    a.itype = CHOLMOD_INT;
+    a.xtype = CHOLMOD_REAL;
+    a.dtype = CHOLMOD_DOUBLE;
+    a.sorted = 1;
+    a.packed = 1;
+    return a;
   }
 
+  const Ordering ordering_;
   cholmod_common common_;
+  // A factor by blocks that has been turned into columns cannot be used again:
+  // the analysis is kept as it was.
+  cholmod_factor* symbolic_ = nullptr;
   cholmod_factor* factor_ = nullptr;
+  cholmod_dense* solution_ = nullptr;
+  cholmod_dense* work_y_ = nullptr;
+  cholmod_dense* work_e_ = nullptr;
 };
+
+bool SparseCholesky::Has(Ordering) { return true; }
 
 std::string SparseCholesky::Library() {
   int version[3];
@@ -98,20 +181,46 @@ std::string SparseCholesky::Library() {
 
 class SparseCholesky::Backend {
  public:
-  void Analyze(const SparseMatrix& lower) { ldlt_.analyzePattern(lower); }
+  explicit Backend(Ordering ordering) : ordering_(ordering) {}
 
-  bool Factorize(const SparseMatrix& lower, double shift) {
+  bool Analyze(const SparseMatrix& lower) {
+    // Both conventions name the inverse: order_ takes old places to new ones.
+    if (ordering_ == Ordering::RCM) {
+      const std::vector<int> order = ReverseCuthillMcKee(lower);
+      order_.resize(lower.cols());
+      for (int k = 0; k < lower.cols(); ++k) order_.indices()[order[k]] = k;
+    } else {
+      Permutation inverse;
+      Eigen::AMDOrdering<int>()(lower.selfadjointView<Eigen::Lower>(), inverse);
+      order_ = inverse.inverse();
+    }
+    Permute(lower);
+    ldlt_.analyzePattern(upper_);
+    return true;
+  }
+
+  bool Factorize(const SparseMatrix& lower,
+                 const double* values,
+                 double shift) {
+    Permute(Eigen::Map<const SparseMatrix>(lower.rows(),
+                                           lower.cols(),
+                                           lower.nonZeros(),
+                                           lower.outerIndexPtr(),
+                                           lower.innerIndexPtr(),
+                                           values));
     ldlt_.setShift(shift);
-    ldlt_.factorize(lower);
+    ldlt_.factorize(upper_);
     // LDL^T exists for indefinite matrices too: the signs of D decide.
     return ldlt_.info() == Eigen::Success && ldlt_.vectorD().minCoeff() > 0.0;
   }
 
-  void Solve(const double* b, double* x) {
+  // One column after the other. The result lives until the next call.
+  const double* Solve(const double* b, int columns) {
     const Eigen::Index n = ldlt_.rows();
-    const Eigen::VectorXd solution =
-        ldlt_.solve(Eigen::Map<const Eigen::VectorXd>(b, n));
-    std::copy(solution.data(), solution.data() + n, x);
+    permuted_ = order_ * Eigen::Map<const Eigen::MatrixXd>(b, n, columns);
+    permuted_ = ldlt_.solve(permuted_);
+    solution_ = order_.transpose() * permuted_;
+    return solution_.data();
   }
 
   std::int64_t NumNonzeros() {
@@ -119,8 +228,27 @@ class SparseCholesky::Backend {
   }
 
  private:
-  Eigen::SimplicialLDLT<SparseMatrix, Eigen::Lower> ldlt_;
+  using Permutation =
+      Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int>;
+
+  template <typename Matrix>
+  void Permute(const Matrix& lower) {
+    upper_.resize(lower.rows(), lower.cols());
+    upper_.selfadjointView<Eigen::Upper>() =
+        lower.template selfadjointView<Eigen::Lower>().twistedBy(order_);
+  }
+
+  const Ordering ordering_;
+  Permutation order_;
+  SparseMatrix upper_;
+  Eigen::SimplicialLDLT<SparseMatrix, Eigen::Upper, Eigen::NaturalOrdering<int>>
+      ldlt_;
+  Eigen::MatrixXd permuted_, solution_;
 };
+
+bool SparseCholesky::Has(Ordering ordering) {
+  return ordering != Ordering::METIS;
+}
 
 std::string SparseCholesky::Library() {
   return "Eigen " + std::to_string(EIGEN_WORLD_VERSION) + "." +
@@ -130,32 +258,57 @@ std::string SparseCholesky::Library() {
 
 #endif
 
-SparseCholesky::SparseCholesky() : backend_(std::make_unique<Backend>()) {}
+SparseCholesky::SparseCholesky(Ordering ordering)
+    : backend_(std::make_unique<Backend>(ordering)) {}
 SparseCholesky::~SparseCholesky() = default;
 
 bool SparseCholesky::Factorize(const SparseMatrix& lower,
                                std::int64_t pattern_version,
                                double shift) {
+  scale_ = NormalizingPower(lower, shift);
+  const auto count = static_cast<std::size_t>(lower.nonZeros());
+  values_.resize(count);
+  shift *= scale_;
   // A NaN passes through both libraries unnoticed.
-  const double* values = lower.valuePtr();
   double probe = shift - shift;
-  for (Eigen::Index k = 0; k < lower.nonZeros(); ++k) {
-    probe += values[k] - values[k];
+  for (std::size_t k = 0; k < count; ++k) {
+    values_[k] = scale_ * lower.valuePtr()[k];
+    probe += values_[k] - values_[k];
   }
   if (probe != 0.0) return false;
   if (pattern_version != analyzed_version_ || size_ != lower.rows()) {
-    backend_->Analyze(lower);
+    size_ = -1;
+    if (lower.rows() > 0 && !backend_->Analyze(lower)) return false;
     analyzed_version_ = pattern_version;
     size_ = static_cast<int>(lower.rows());
     ++num_analyses_;
   }
-  if (!backend_->Factorize(lower, shift)) return false;
+  num_nonzeros_ = 0;
+  if (size_ == 0) return true;
+  if (!backend_->Factorize(lower, values_.data(), shift)) return false;
   num_nonzeros_ = backend_->NumNonzeros();
   return true;
 }
 
-void SparseCholesky::Solve(const double* b, double* x) {
-  backend_->Solve(b, x);
+void SparseCholesky::Solve(const double* b, double* x, int columns) {
+  if (size_ == 0) return;
+  const auto n = static_cast<std::size_t>(size_);
+  const auto stride = static_cast<std::size_t>(columns);
+  if (stride > 1) {
+    columns_.resize(n * stride);
+    for (std::size_t i = 0; i < n; ++i) {
+      for (std::size_t c = 0; c < stride; ++c) {
+        columns_[c * n + i] = b[i * stride + c];
+      }
+    }
+    b = columns_.data();
+  }
+  const double* solution = backend_->Solve(b, columns);
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t c = 0; c < stride; ++c) {
+      x[i * stride + c] = scale_ * solution[c * n + i];
+    }
+  }
 }
 
 }  // namespace granopt

@@ -6,17 +6,31 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "solvers/second_order.h"
 
 namespace granopt {
 
+// Which permutation keeps the factor sparse.
+enum class Ordering {
+  AMD,    // approximate minimum degree
+  METIS,  // nested dissection; CHOLMOD only
+  RCM,    // reverse Cuthill-McKee: a band
+};
+
 // L L^T = P (A + shift 1) P^T with a fill-reducing permutation P, by CHOLMOD
 // or, if built with -DGRANOPT_CHOLMOD=OFF, by Eigen's SimplicialLDLT (MPL2).
 // The symbolic analysis is kept as long as the pattern version stays the same.
+//
+// The matrix is normalized by a power of two first: 2^a A with 2^a shift and
+// 2^c b give bitwise 2^(c-a) x.
 class SparseCholesky {
  public:
-  SparseCholesky();
+  // False for an ordering that this build is without.
+  static bool Has(Ordering ordering);
+
+  explicit SparseCholesky(Ordering ordering = Ordering::AMD);
   ~SparseCholesky();
   SparseCholesky(const SparseCholesky&) = delete;
   SparseCholesky& operator=(const SparseCholesky&) = delete;
@@ -30,11 +44,11 @@ class SparseCholesky {
                  std::int64_t pattern_version,
                  double shift = 0.0);
 
-  // x = (A + shift 1)^-1 b; n entries each, may be the same array.
-  void Solve(const double* b, double* x);
+  // x = (A + shift 1)^-1 b for `columns` right-hand sides, interleaved: entry i
+  // of column c is b[columns * i + c]. b and x may be the same array.
+  void Solve(const double* b, double* x, int columns = 1);
 
   // Symbolic analyses so far, and entries of the last factor.
-  int size() const { return size_; }
   std::int64_t num_analyses() const { return num_analyses_; }
   std::int64_t num_nonzeros() const { return num_nonzeros_; }
 
@@ -44,6 +58,9 @@ class SparseCholesky {
  private:
   class Backend;
   std::unique_ptr<Backend> backend_;
+  std::vector<double> values_;  // of the normalized matrix, scale_ * A
+  double scale_ = 1.0;
+  std::vector<double> columns_;  // right-hand sides, no longer interleaved
   std::int64_t analyzed_version_ = -1;
   std::int64_t num_analyses_ = 0;
   std::int64_t num_nonzeros_ = 0;

@@ -67,6 +67,52 @@ TEST(SparseCholesky, RefusesIndefiniteAndNotFiniteMatricesAndRecovers) {
   EXPECT_TRUE(std::isfinite(x[15]));
 }
 
+// Nested dissection pays on large grids, a band never does.
+TEST(SparseCholesky, OrderingsDifferInFill) {
+  const int m = 60;
+  std::vector<Eigen::Triplet<double>> entries;
+  for (int i = 0; i < m; ++i) {
+    for (int j = 0; j < m; ++j) {
+      entries.emplace_back(i * m + j, i * m + j, 4.1);
+      if (j + 1 < m) entries.emplace_back(i * m + j + 1, i * m + j, -1.0);
+      if (i + 1 < m) entries.emplace_back(i * m + j + m, i * m + j, -1.0);
+    }
+  }
+  SparseMatrix a(m * m, m * m);
+  a.setFromTriplets(entries.begin(), entries.end());
+  const auto fill = [&a](Ordering ordering) {
+    SparseCholesky cholesky(ordering);
+    EXPECT_TRUE(cholesky.Factorize(a, 1));
+    return cholesky.num_nonzeros();
+  };
+  const std::int64_t amd = fill(Ordering::AMD);
+  const std::int64_t rcm = fill(Ordering::RCM);
+  // Levels from a corner are diagonals of at most m points.
+  EXPECT_LT(rcm, static_cast<std::int64_t>(m) * m * m);
+  EXPECT_GT(rcm, 3 * amd / 2);
+  if (SparseCholesky::Has(Ordering::METIS)) {
+    const std::int64_t metis = fill(Ordering::METIS);
+    EXPECT_NE(metis, amd);
+    EXPECT_GT(rcm, 3 * metis / 2);
+  }
+}
+
+TEST(SparseCholesky, SolvesColumnsInPlace) {
+  const int n = 90;
+  const SparseMatrix lower = Chain(n, 0.3);
+  SparseCholesky cholesky;
+  ASSERT_TRUE(cholesky.Factorize(lower, 1));
+  std::vector<double> b(2 * n), one(n), x(2 * n);
+  for (int i = 0; i < 2 * n; ++i) b[i] = std::cos(2.0 * i);
+  x = b;
+  cholesky.Solve(x.data(), x.data(), 2);
+  for (int c = 0; c < 2; ++c) {
+    for (int i = 0; i < n; ++i) one[i] = b[2 * i + c];
+    cholesky.Solve(one.data(), one.data());
+    for (int i = 0; i < n; ++i) EXPECT_NEAR(x[2 * i + c], one[i], 1e-14);
+  }
+}
+
 TEST(SparseCholesky, NamesItsLibrary) {
   EXPECT_FALSE(SparseCholesky::Library().empty());
 }
