@@ -31,6 +31,9 @@ bool ExternalMethod::Problem::Evaluate(const double* y,
                                        double* gradient) {
   if (interruption_ != Interruption::NONE) return false;
   SetX(y);
+  for (const double v : x_) {
+    if (!std::isfinite(v)) return Interrupt(Interruption::LOST);
+  }
   if (!monitor_->IsCached(x_.data()) && monitor_->BudgetSpent()) {
     return Interrupt(Interruption::STOPPED);
   }
@@ -113,7 +116,7 @@ Summary ExternalMethod::Minimize(FirstOrderFunction* function,
     }
     for (int i = 0; i < n; ++i) y[i] = x[i] / length_unit;
     Problem problem(&monitor, scales, length_unit, cost_unit, scaled_, x);
-    const std::string words = Run(&problem, y.data());
+    std::string words = Run(&problem, y.data());
 
     // It may have returned, after a last step that its own tests accepted,
     // before it told us.
@@ -124,7 +127,11 @@ Summary ExternalMethod::Minimize(FirstOrderFunction* function,
     if (monitor.stopped()) break;
     // Zero after a rebase.
     std::copy(problem.accepted_.begin(), problem.accepted_.end(), x);
-    if (problem.interruption_ == Interruption::NONE) {
+    if (problem.interruption_ == Interruption::LOST) {
+      words = "it asks for a point that is not finite";
+    }
+    if (problem.interruption_ == Interruption::NONE ||
+        problem.interruption_ == Interruption::LOST) {
       // A fresh history helps only while it still gains something.
       const double residual = monitor.max_gradient();
       if (restarts_left == 0 || residual > 0.5 * residual_before) {

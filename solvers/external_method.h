@@ -32,8 +32,9 @@ class ExternalMethod : public Solver {
    public:
     int n() const { return monitor_->n(); }
     // Cost and gradient at y, counted. False where the library must end: a
-    // budget is spent, the function failed, or Accept() said so. Nothing is
-    // then evaluated; what the library is told is only to make it return.
+    // budget is spent, the function failed, Accept() said so, or y is not
+    // finite, which is the library's own fault. Nothing is then evaluated; what
+    // the library is told is only to make it return.
     bool Evaluate(const double* y, double* cost, double* gradient);
     // Tells of an iterate that the library has accepted, which is not the
     // start. False where it must return.
@@ -44,7 +45,7 @@ class ExternalMethod : public Solver {
 
    private:
     friend class ExternalMethod;
-    enum class Interruption { NONE, STOPPED, REBASE, RESCALE };
+    enum class Interruption { NONE, STOPPED, REBASE, RESCALE, LOST };
 
     Problem(Monitor* monitor,
             const Scales& scales,

@@ -54,7 +54,6 @@ class LibLbfgs : public ExternalMethod {
  public:
   explicit LibLbfgs(Parameters* parameters) : ExternalMethod(parameters) {
     constexpr int kLineSearch[] = {LBFGS_LINESEARCH_MORETHUENTE,
-                                   LBFGS_LINESEARCH_BACKTRACKING_ARMIJO,
                                    LBFGS_LINESEARCH_BACKTRACKING_WOLFE,
                                    LBFGS_LINESEARCH_BACKTRACKING_STRONG_WOLFE};
     lbfgs_parameter_init(&library_options_);
@@ -63,8 +62,10 @@ class LibLbfgs : public ExternalMethod {
     library_options_.linesearch = kLineSearch[parameters->Choice(
         "line_search",
         "more_thuente",
-        "more_thuente|armijo|wolfe|strong_wolfe",
-        "rule that accepts a step; all but the first only halve or double it")];
+        "more_thuente|wolfe|strong_wolfe",
+        "rule that accepts a step; the last two halve it or double it")];
+    // Not Armijo's rule alone: nothing keeps s.y positive then, and it fails on
+    // Rosenbrock's function.
     // Nothing but a gradient of zero is converged, and no step too short or too
     // long: a step is in units of x over those of the gradient.
     library_options_.epsilon = 0.0;
