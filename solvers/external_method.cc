@@ -19,6 +19,7 @@ ExternalMethod::Problem::Problem(Monitor* monitor,
       length_unit_(length),
       cost_unit_(cost),
       least_length_(rescales ? std::exp2(-10) * scales.length : 0.0),
+      least_gradient_(rescales ? std::exp2(-10) * scales.gradient : 0.0),
       x_(monitor->n()),
       accepted_(x, x + monitor->n()) {}
 
@@ -69,7 +70,8 @@ bool ExternalMethod::Problem::Accept(const double* y) {
   if (monitor_->WantsRebase() && monitor_->Rebase(accepted_.data())) {
     return Interrupt(Interruption::REBASE);
   }
-  if (scales.length > 0.0 && scales.length < least_length_) {
+  if (scales.length > 0.0 && scales.gradient > 0.0 &&
+      (scales.length < least_length_ || scales.gradient < least_gradient_)) {
     return Interrupt(Interruption::RESCALE);
   }
   monitor_->Recenter(x_.data());

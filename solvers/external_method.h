@@ -21,9 +21,9 @@ namespace granopt {
 //
 // scaled = true hands it  C f(L y)  of  y = x / L  with powers of two C and L,
 // which is exact. C L^2 makes the curvature of the active terms about one,
-// whatever the units of the function, and L is FirstLength() of
-// Scales::length. Both are chosen again, with a counted restart, where the
-// function has shrunk by 2^10 since.
+// whatever the units of the function, and L is RelativeLengthUnit() of
+// Scales::length. Both are chosen again, with a counted restart, where
+// Scales::length or Scales::gradient has shrunk by 2^10 since.
 class ExternalMethod : public Solver {
  public:
   // What a library gets to see: a function of y and somebody to tell of each
@@ -63,8 +63,8 @@ class ExternalMethod : public Solver {
     Monitor* monitor_;
     const double length_unit_;  // L
     const double cost_unit_;    // C
-    // Scales::length under which the units no longer fit; 0 if they are fixed.
-    const double least_length_;
+    // Under either of them the units no longer fit; 0 if they are fixed.
+    const double least_length_, least_gradient_;
     Interruption interruption_ = Interruption::NONE;
     std::vector<double> x_, accepted_;
   };

@@ -125,10 +125,11 @@ class NloptLbfgs : public ExternalMethod {
   const char* library() const override { return "NLopt"; }
 
   // NLopt ends a run at max|g| <= 1e-8, which no option changes, and its first
-  // trial step is -g. So the gradient at our tolerance becomes 2^-24 = 6e-8;
-  // the first step is about Scales::length all the same.
+  // trial step is -g. So the gradient at our tolerance becomes 2^-16 = 1.5e-5,
+  // and still 1.5e-8 where new units are chosen; the first step is about
+  // Scales::length all the same.
   double RelativeLengthUnit(double tolerance) const override {
-    return 0x1p24 * tolerance;
+    return 0x1p16 * tolerance;
   }
 
   std::string Run(Problem* problem, double* y) const override {
