@@ -202,7 +202,7 @@ def write_input(packing, kinds, depth, options):
     pairs = [(a, b) for a in range(len(kinds)) for b in range(a, len(kinds))]
     k, rows = packing.k, 16
     # Room for what a line search tries; closer pairs end the run with a message.
-    inner = 1.0 - min(0.99, max(0.1, 4.0 * depth))
+    inner = 1.0 - min(0.9999, max(0.1, 4.0 * depth))
     with open("pairs.table", "w", encoding="ascii") as file:
         for a, b in pairs:
             end = kinds[a] + kinds[b]
@@ -396,6 +396,11 @@ def main():
     energy, forces, mean_force, depth = packing.energy_and_forces()
     if energy == 0.0:
         bad_input("%s has no contacts" % options.packing)
+    if options.table == "spline" and depth > 0.2:
+        bad_input(
+            "overlaps of %.2g contact distances are too deep for --table=spline; "
+            "--table=linear --points=65536 copes, with larger errors" % depth
+        )
 
     folder = options.out or tempfile.mkdtemp(prefix="granopt_lammps_")
     here = os.getcwd()
