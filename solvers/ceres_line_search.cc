@@ -11,19 +11,13 @@
 #include "ceres/version.h"
 #include "glog/logging.h"
 #include "solvers/monitor.h"
+#include "solvers/power_of_two.h"
 
 namespace granopt {
 namespace {
 
 // Why our callback made Ceres return.
 enum class Interruption { NONE, STOPPED, REBASE, RESCALE };
-
-// The power of two nearest to v in the logarithm; 1 where v is no positive
-// number.
-double PowerOfTwo(double v) {
-  if (!(v > 0.0) || !std::isfinite(v)) return 1.0;
-  return std::exp2(std::clamp(std::round(std::log2(v)), -900.0, 900.0));
-}
 
 struct Units {
   double cost = 1.0;    // C

@@ -1,36 +1,52 @@
 #!/bin/bash
-# Installs those Debian packages of apt-packages.txt that are missing. Packages
-# that are installed already, in whatever version, are left alone.
+# Installs those Debian packages of apt-packages.txt that are missing: the required
+# and the optional ones. Packages that are installed already, in whatever version,
+# are left alone.
 #
-#   third_party_notes/install.sh [--required-only]
+#   third_party_notes/install.sh [--required-only | --all]
+#
+#   --required-only   what granopt cannot be built without
+#   --all             the heavy ones, too: peers that only comparisons need
 #
 # Exit status: 0 everything is installed; 2 bad usage, or no right to install
 # (the command to run is printed); else that of apt-get.
 set -euo pipefail
 
 list="$(dirname -- "${BASH_SOURCE[0]}")/apt-packages.txt"
-required_only=false
+usage="usage: install.sh [--required-only | --all]"
+sections=""
 
 for argument in "$@"; do
   case "${argument}" in
-    --required-only) required_only=true ;;
+    --required-only | --all)
+      wanted="required"
+      [[ "${argument}" == --all ]] && wanted="required optional heavy"
+      if [[ -n "${sections}" && "${sections}" != "${wanted}" ]]; then
+        echo "install.sh: --required-only and --all exclude each other" >&2
+        exit 2
+      fi
+      sections="${wanted}"
+      ;;
     -h | --help)
-      echo "usage: install.sh [--required-only]"
+      echo "${usage}"
       exit 0
       ;;
     *)
-      echo "install.sh: unknown argument '${argument}'" \
-        "(usage: install.sh [--required-only])" >&2
+      echo "install.sh: unknown argument '${argument}' (${usage})" >&2
       exit 2
       ;;
   esac
 done
+sections="${sections:-required optional}"
 
 # Prints the packages of the list, one a line. See there for the syntax.
 list_packages() {
-  awk -v required_only="${required_only}" '
-    $1 == "#" && $2 ~ /^required:?$/ { section = "required"; next }
-    $1 == "#" && $2 ~ /^optional:?$/ { section = "optional"; next }
+  awk -v sections="${sections}" '
+    $1 == "#" && $2 ~ /^(required|optional|heavy):?$/ {
+      section = $2
+      sub(/:$/, "", section)
+      next
+    }
     { sub(/#.*/, "") }
     NF == 0 { next }
     section == "" || NF > 1 {
@@ -38,7 +54,7 @@ list_packages() {
         > "/dev/stderr"
       exit 2
     }
-    section == "required" || required_only == "false" { print $1 }
+    index(sections, section) { print $1 }
   ' "${list}"
 }
 

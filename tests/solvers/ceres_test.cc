@@ -25,17 +25,11 @@
 #include "solvers/monitor.h"
 #include "solvers/registry.h"
 #include "solvers/solver.h"
+#include "tests/solvers/run_method.h"
 #include "tests/solvers/test_functions.h"
 
 namespace granopt {
-
-void PrintTo(StopReason reason, std::ostream* out) {
-  *out << StopReasonName(reason);
-}
-
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 // Armijo's rule with the direction of Hestenes and Stiefel is the one
 // combination that Ceres itself cannot be trusted with: in units of order one
@@ -58,102 +52,8 @@ std::vector<std::string> AllSpecs() {
   return specs;
 }
 
-bool Contains(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
-}
-
 bool IsReliable(const std::string& spec) {
   return !Contains(spec, kUnreliable);
-}
-
-bool SameBits(double a, double b) {
-  return std::memcmp(&a, &b, sizeof(double)) == 0;
-}
-
-bool SameBits(const std::vector<double>& a, const std::vector<double>& b) {
-  return a.size() == b.size() &&
-         std::memcmp(a.data(), b.data(), sizeof(double) * a.size()) == 0;
-}
-
-double CostAt(const FirstOrderFunction& f, const std::vector<double>& x) {
-  double cost;
-  EXPECT_TRUE(f.Evaluate(x.data(), &cost, nullptr));
-  return cost;
-}
-
-double MaxGradientAt(const FirstOrderFunction& f,
-                     const std::vector<double>& x) {
-  double cost, result = 0.0;
-  std::vector<double> gradient(x.size());
-  EXPECT_TRUE(f.Evaluate(x.data(), &cost, gradient.data()));
-  for (const double g : gradient) result = std::max(result, std::abs(g));
-  return result;
-}
-
-struct Result {
-  Summary summary;
-  std::vector<double> x;
-};
-
-Result Minimize(const std::string& spec,
-                FirstOrderFunction* function,
-                std::vector<double> x,
-                const SolveOptions& options = {}) {
-  std::string error;
-  const std::unique_ptr<Solver> solver = CreateSolver(spec, &error);
-  if (solver == nullptr) {
-    ADD_FAILURE() << error;
-    return {};
-  }
-  Result run;
-  run.summary = solver->Minimize(function, options, x.data());
-  run.x = std::move(x);
-  EXPECT_EQ(run.summary.solver, spec);
-  EXPECT_EQ(run.summary.message.find('\n'), std::string::npos);
-  return run;
-}
-
-SolveOptions Tolerance(double relative) {
-  SolveOptions options;
-  options.relative_tolerance = relative;
-  // No method needs that many; a run that hangs must end.
-  options.max_iterations = 20000;
-  return options;
-}
-
-const std::vector<double> kRosenbrockStart = {-1.2, 1.0};
-
-// What the summary says is true of the point that was returned.
-void ExpectHonest(const FirstOrderFunction& f, const Result& run) {
-  EXPECT_TRUE(SameBits(run.summary.cost, CostAt(f, run.x)));
-  EXPECT_TRUE(SameBits(run.summary.max_gradient, MaxGradientAt(f, run.x)));
-  const bool success = run.summary.max_gradient <= run.summary.tolerance ||
-                       run.summary.reason == StopReason::VANISHED;
-  EXPECT_EQ(run.summary.Succeeded(), success) << run.summary.BriefReport();
-}
-
-// "... |g| = 3.1e-09 > 1.0e-10 after 500 iterations ...": the first number
-// exceeds the second, which is the tolerance, and the count is right.
-void ExpectBothNumbers(const Summary& summary,
-                       const char* what,
-                       std::int64_t count) {
-  const std::size_t at = summary.message.find("|g| = ");
-  ASSERT_NE(at, std::string::npos) << summary.message;
-  double left = 0.0, right = 0.0;
-  long long number = -1;
-  char noun[16] = "";
-  ASSERT_EQ(std::sscanf(summary.message.c_str() + at,
-                        "|g| = %lg > %lg after %lld %15[a-z]",
-                        &left,
-                        &right,
-                        &number,
-                        noun),
-            4)
-      << summary.message;
-  EXPECT_GT(left, right);
-  EXPECT_NEAR(right, summary.tolerance, 0.01 * summary.tolerance);
-  EXPECT_EQ(number, count);
-  EXPECT_STREQ(noun, what);
 }
 
 class CeresMethods : public testing::TestWithParam<std::string> {
@@ -248,21 +148,6 @@ TEST_P(CeresMethods, StartWithinTheTolerance) {
   EXPECT_TRUE(SameBits(run.x, start));
   ExpectHonest(quadratic, run);
 }
-
-// As an unjammed packing does: no term is active.
-class Nothing : public FirstOrderFunction {
- public:
-  int NumParameters() const override { return 3; }
-  bool EvaluateWithScales(const double* /*x*/,
-                          double* cost,
-                          double* gradient,
-                          Scales* scales) const override {
-    *cost = 0.0;
-    if (gradient != nullptr) std::fill(gradient, gradient + 3, 0.0);
-    if (scales != nullptr) *scales = {0.0, 0.0, 0.0};
-    return true;
-  }
-};
 
 TEST_P(CeresMethods, ZeroAtTheStartHasVanished) {
   Nothing nothing;
@@ -625,25 +510,6 @@ TEST(CeresLbfgs, ScaledGoesOnWhereAsIsEnds) {
             as_is.summary.counters.iterations);
   ExpectHonest(quadratic, scaled);
 }
-
-// f + 1000: the minimum is not zero, so that near it a change of the cost is
-// lost in the roundoff of the cost.
-class Raised : public FirstOrderFunction {
- public:
-  explicit Raised(const FirstOrderFunction* f) : f_(f) {}
-  int NumParameters() const override { return f_->NumParameters(); }
-  bool EvaluateWithScales(const double* x,
-                          double* cost,
-                          double* gradient,
-                          Scales* scales) const override {
-    if (!f_->EvaluateWithScales(x, cost, gradient, scales)) return false;
-    *cost += 1000.0;
-    return true;
-  }
-
- private:
-  const FirstOrderFunction* f_;
-};
 
 TEST(CeresLbfgs, DifferencesReachBelowTheRoundoffOfTheCost) {
   Quadratic quadratic(50);

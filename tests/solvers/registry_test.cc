@@ -48,16 +48,36 @@ std::vector<std::string> OptionKeys(const std::string& name) {
   return keys;
 }
 
+// Files in a subfolder need an optional package, and may be absent.
 TEST(Registry, HasOneMethodForEachFile) {
-  std::vector<std::string> files;
-  for (const auto& entry : std::filesystem::directory_iterator(
-           std::string(GRANOPT_TEST_DATA) + "/../../solvers/methods")) {
-    if (entry.path().extension() == ".cc") {
-      files.push_back(entry.path().stem().string());
-    }
+  const std::string folder =
+      std::string(GRANOPT_TEST_DATA) + "/../../solvers/methods";
+  std::set<std::string> required, all;
+  for (const auto& entry :
+       std::filesystem::recursive_directory_iterator(folder)) {
+    if (entry.path().extension() != ".cc") continue;
+    const std::string name = entry.path().stem().string();
+    EXPECT_TRUE(all.insert(name).second) << name << " is there twice";
+    if (entry.path().parent_path() == folder) required.insert(name);
   }
-  std::sort(files.begin(), files.end());
-  EXPECT_EQ(Names(), files);
+  const std::vector<std::string> names = Names();
+  EXPECT_TRUE(std::is_sorted(names.begin(), names.end()));
+  EXPECT_TRUE(std::includes(
+      names.begin(), names.end(), required.begin(), required.end()));
+  EXPECT_TRUE(
+      std::includes(all.begin(), all.end(), names.begin(), names.end()));
+}
+
+// Whoever is asked for first, methods or preconditioners.
+TEST(Registry, EverythingIsRegisteredOnce) {
+  ListPreconditioners();
+  std::set<std::string> names;
+  for (const std::string& name : Names()) {
+    EXPECT_TRUE(names.insert(name).second) << name;
+  }
+  for (const SolverInfo& info : ListPreconditioners()) {
+    EXPECT_TRUE(names.insert(info.name).second) << info.name;
+  }
 }
 
 TEST(Registry, EveryMethodSaysWhatItIs) {

@@ -3,6 +3,7 @@
 #ifndef GRANOPT_TESTS_SOLVERS_TEST_FUNCTIONS_H_
 #define GRANOPT_TESTS_SOLVERS_TEST_FUNCTIONS_H_
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <functional>
@@ -152,6 +153,40 @@ class Offset : public FirstOrderFunction {
   const FirstOrderFunction* f_;
   std::vector<double> origin_;
   const bool can_rebase_;
+};
+
+// f + 1000: the minimum is not zero, so that near it a change of the cost is
+// lost in the roundoff of the cost.
+class Raised : public FirstOrderFunction {
+ public:
+  explicit Raised(const FirstOrderFunction* f) : f_(f) {}
+  int NumParameters() const override { return f_->NumParameters(); }
+  bool EvaluateWithScales(const double* x,
+                          double* cost,
+                          double* gradient,
+                          Scales* scales) const override {
+    if (!f_->EvaluateWithScales(x, cost, gradient, scales)) return false;
+    *cost += 1000.0;
+    return true;
+  }
+
+ private:
+  const FirstOrderFunction* f_;
+};
+
+// As an unjammed packing does: no term is active.
+class Nothing : public FirstOrderFunction {
+ public:
+  int NumParameters() const override { return 3; }
+  bool EvaluateWithScales(const double* /*x*/,
+                          double* cost,
+                          double* gradient,
+                          Scales* scales) const override {
+    *cost = 0.0;
+    if (gradient != nullptr) std::fill(gradient, gradient + 3, 0.0);
+    if (scales != nullptr) *scales = {0.0, 0.0, 0.0};
+    return true;
+  }
 };
 
 // Counts the evaluations of f, remembers the least cost among them, and lets

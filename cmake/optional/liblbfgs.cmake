@@ -1,0 +1,10 @@
+# libLBFGS, for the method liblbfgs.
+find_path(LIBLBFGS_INCLUDE_DIR lbfgs.h)
+find_library(LIBLBFGS_LIBRARY lbfgs)
+mark_as_advanced(LIBLBFGS_INCLUDE_DIR LIBLBFGS_LIBRARY)
+if(LIBLBFGS_INCLUDE_DIR AND LIBLBFGS_LIBRARY)
+  set(optional_found TRUE)
+  set(optional_include_dirs ${LIBLBFGS_INCLUDE_DIR})
+  set(optional_libraries ${LIBLBFGS_LIBRARY})
+  set(optional_pkg_config -llbfgs)
+endif()

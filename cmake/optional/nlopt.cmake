@@ -1,0 +1,10 @@
+# NLopt, for the method nlopt_lbfgs.
+find_path(NLOPT_INCLUDE_DIR nlopt.h)
+find_library(NLOPT_LIBRARY nlopt)
+mark_as_advanced(NLOPT_INCLUDE_DIR NLOPT_LIBRARY)
+if(NLOPT_INCLUDE_DIR AND NLOPT_LIBRARY)
+  set(optional_found TRUE)
+  set(optional_include_dirs ${NLOPT_INCLUDE_DIR})
+  set(optional_libraries ${NLOPT_LIBRARY})
+  set(optional_pkg_config -lnlopt)
+endif()

@@ -1,0 +1,588 @@
+// Methods of other libraries (NLopt, libLBFGS, PETSc) behind our interface:
+// whatever a library does inside, counts, stops and points are ours. Those that
+// were not found when this was configured are skipped.
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <csignal>
+#include <cstdint>
+#include <cstdlib>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "gtest/gtest.h"
+#include "solvers/registry.h"
+#include "solvers/solver.h"
+#include "tests/solvers/run_method.h"
+#include "tests/solvers/test_functions.h"
+
+namespace granopt {
+namespace {
+
+bool IsRegistered(const std::string& spec) {
+  const std::string name = spec.substr(0, spec.find(':'));
+  for (const SolverInfo& info : ListSolvers()) {
+    if (info.name == name) return true;
+  }
+  return false;
+}
+
+const char* const kCompetitors[] = {"nlopt_lbfgs", "liblbfgs", "tao_lmvm"};
+
+std::vector<std::string> AllSpecs() {
+  std::vector<std::string> specs;
+  for (const std::string scaled : {"scaled=0", "scaled=1"}) {
+    for (const std::string name : kCompetitors) {
+      specs.push_back(name + ":" + scaled);
+    }
+    for (const char* search : {"wolfe", "strong_wolfe"}) {
+      specs.push_back(std::string("liblbfgs:line_search=") + search + "," +
+                      scaled);
+    }
+  }
+  return specs;
+}
+
+class Competitors : public testing::TestWithParam<std::string> {
+ protected:
+  void SetUp() override {
+    if (!IsRegistered(spec())) GTEST_SKIP() << "built without it";
+  }
+  const std::string& spec() const { return GetParam(); }
+};
+
+INSTANTIATE_TEST_SUITE_P(All,
+                         Competitors,
+                         testing::ValuesIn(AllSpecs()),
+                         [](const testing::TestParamInfo<std::string>& info) {
+                           std::string name = info.param;
+                           for (char& c : name) {
+                             if (!std::isalnum(static_cast<unsigned char>(c)))
+                               c = '_';
+                           }
+                           return name;
+                         });
+
+// ---- Success ----------------------------------------------------------------
+
+TEST_P(Competitors, ConvexQuadratic) {
+  Quadratic quadratic(50);
+  const Result run = Minimize(
+      spec(), &quadratic, std::vector<double>(50, 0.0), Tolerance(1e-6));
+  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
+      << run.summary.BriefReport();
+  ExpectHonest(quadratic, run);
+  // |x - s|_2 <= |g|_2 / lambda_min with lambda_min = 1.
+  const Eigen::Map<const Eigen::VectorXd> x(run.x.data(), 50);
+  EXPECT_LE((x - quadratic.solution()).norm(),
+            std::sqrt(50.0) * run.summary.max_gradient);
+  EXPECT_LT(run.summary.counters.iterations, 1000);
+  EXPECT_EQ(run.summary.counters.restarts, 0);
+  EXPECT_EQ(run.summary.counters.hessians, 0);
+}
+
+TEST_P(Competitors, Rosenbrock) {
+  Rosenbrock rosenbrock;
+  const Result run =
+      Minimize(spec(), &rosenbrock, kRosenbrockStart, Tolerance(1e-10));
+  EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
+  ExpectHonest(rosenbrock, run);
+  EXPECT_NEAR(run.x[0], 1.0, 1e-6);
+  EXPECT_NEAR(run.x[1], 1.0, 1e-6);
+}
+
+TEST_P(Competitors, OneVariable) {
+  Quadratic parabola(1);
+  const Result run = Minimize(spec(), &parabola, {0.0}, Tolerance(1e-10));
+  EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
+  ExpectHonest(parabola, run);
+  EXPECT_NEAR(run.x[0], parabola.solution()[0], 1e-9);
+}
+
+TEST_P(Competitors, AbsoluteTolerance) {
+  Quadratic quadratic(50);
+  SolveOptions options = Tolerance(1e-300);
+  options.absolute_tolerance = 0.125;
+  const Result run =
+      Minimize(spec(), &quadratic, std::vector<double>(50, 0.0), options);
+  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED);
+  EXPECT_EQ(run.summary.tolerance, 0.125);
+  EXPECT_GT(run.summary.max_gradient, 1e-4);
+  ExpectHonest(quadratic, run);
+}
+
+TEST_P(Competitors, StartAtTheMinimum) {
+  Rosenbrock rosenbrock;
+  const Result run = Minimize(spec(), &rosenbrock, {1.0, 1.0});
+  EXPECT_EQ(run.summary.reason, StopReason::VANISHED);
+  EXPECT_EQ(run.summary.message, "cost = 0 exactly after 0 iterations");
+  EXPECT_EQ(run.summary.counters.evaluations, 1);
+  EXPECT_EQ(run.x, (std::vector<double>{1.0, 1.0}));
+}
+
+TEST_P(Competitors, ZeroAtTheStartHasVanished) {
+  Nothing nothing;
+  const std::vector<double> start = {0.5, -0.5, 3.0};
+  const Result run = Minimize(spec(), &nothing, start);
+  EXPECT_EQ(run.summary.reason, StopReason::VANISHED);
+  EXPECT_EQ(run.summary.counters.evaluations, 1);
+  EXPECT_TRUE(SameBits(run.x, start));
+}
+
+TEST_P(Competitors, StartWithinTheTolerance) {
+  Quadratic quadratic(50);
+  std::vector<double> start(quadratic.solution().begin(),
+                            quadratic.solution().end());
+  start[7] += 1e-12;
+  const Result run = Minimize(spec(), &quadratic, start);
+  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED);
+  EXPECT_EQ(run.summary.counters.iterations, 0);
+  EXPECT_TRUE(SameBits(run.x, start));
+}
+
+// ---- Counts -----------------------------------------------------------------
+
+TEST_P(Competitors, CountsAreRight) {
+  Quadratic quadratic(50);
+  const std::vector<double> start(50, 0.0);
+  std::vector<std::vector<double>> evaluated;
+  // Where the function was evaluated, in order.
+  class Recorder : public Spy {
+   public:
+    Recorder(const FirstOrderFunction* f,
+             std::vector<std::vector<double>>* points)
+        : Spy(f), points_(points) {}
+    bool EvaluateWithScales(const double* x,
+                            double* cost,
+                            double* gradient,
+                            Scales* scales) const override {
+      points_->emplace_back(x, x + NumParameters());
+      return Spy::EvaluateWithScales(x, cost, gradient, scales);
+    }
+
+   private:
+    std::vector<std::vector<double>>* points_;
+  } recorder(&quadratic, &evaluated);
+
+  std::vector<std::vector<double>> iterates;
+  std::vector<std::int64_t> evaluations;
+  SolveOptions options = Tolerance(1e-6);
+  options.record_trace = true;
+  options.callback = [&](const IterationState& state) {
+    iterates.emplace_back(state.x, state.x + 50);
+    evaluations.push_back(state.counters.evaluations);
+    return true;
+  };
+  const Result run = Minimize(spec(), &recorder, start, options);
+  const Summary& summary = run.summary;
+  ASSERT_EQ(summary.reason, StopReason::CONVERGED) << summary.BriefReport();
+  EXPECT_EQ(recorder.evaluations(), summary.counters.evaluations);
+  ASSERT_EQ(summary.trace.size(),
+            static_cast<std::size_t>(summary.counters.iterations) + 1);
+  EXPECT_EQ(summary.trace.front().evaluations, 1);
+  EXPECT_EQ(summary.trace.back().evaluations, summary.counters.evaluations);
+  EXPECT_EQ(summary.trace.back().cost, summary.cost);
+  // Each iterate is a point that was just evaluated, at lower cost than the one
+  // before (nothing is evaluated twice, nothing is counted that is no iterate).
+  ASSERT_EQ(iterates.size(), summary.trace.size() - 1);
+  for (std::size_t i = 0; i < iterates.size(); ++i) {
+    EXPECT_TRUE(SameBits(iterates[i], evaluated[evaluations[i] - 1])) << i;
+    if (i == 0) continue;
+    EXPECT_GT(evaluations[i], evaluations[i - 1]);
+    EXPECT_LT(summary.trace[i].cost, summary.trace[i - 1].cost);
+  }
+  // Trial points between two iterates lie on one line with both; the first
+  // trial point after an iterate does not lie on the line before it.
+  const auto off_line = [](const std::vector<double>& a,
+                           const std::vector<double>& b,
+                           const std::vector<double>& c) {
+    const Eigen::Map<const Eigen::VectorXd> x(a.data(), 50), y(b.data(), 50),
+        z(c.data(), 50);
+    const Eigen::VectorXd d = (y - x).normalized();
+    return ((z - x) - d.dot(z - x) * d).norm() / (z - x).norm();
+  };
+  for (std::size_t i = 1; i < iterates.size(); ++i) {
+    for (std::int64_t e = evaluations[i - 1]; e < evaluations[i]; ++e) {
+      EXPECT_LT(off_line(iterates[i - 1], iterates[i], evaluated[e]), 1e-6)
+          << "iterate " << i << ", evaluation " << e + 1;
+    }
+    if (evaluations[i] < summary.counters.evaluations) {
+      EXPECT_GT(
+          off_line(iterates[i - 1], iterates[i], evaluated[evaluations[i]]),
+          1e-6)
+          << i;
+    }
+  }
+}
+
+TEST_P(Competitors, TwoRunsAreBitwiseEqual) {
+  Rosenbrock rosenbrock;
+  const Result a =
+      Minimize(spec(), &rosenbrock, kRosenbrockStart, Tolerance(1e-8));
+  const Result b =
+      Minimize(spec(), &rosenbrock, kRosenbrockStart, Tolerance(1e-8));
+  EXPECT_TRUE(SameBits(a.x, b.x));
+  EXPECT_EQ(a.summary.message, b.summary.message);
+  EXPECT_EQ(a.summary.counters.evaluations, b.summary.counters.evaluations);
+}
+
+// One after another, and one inside the callback of another.
+TEST(Competitors, InSequenceAndNested) {
+  Quadratic quadratic(50);
+  const std::vector<double> start(50, 0.0);
+  const auto run = [&](const std::string& spec, auto callback) {
+    SolveOptions options = Tolerance(1e-6);
+    options.callback = callback;
+    const Result result = Minimize(spec, &quadratic, start, options);
+    EXPECT_EQ(result.summary.reason, StopReason::CONVERGED)
+        << result.summary.BriefReport();
+    return result.x;
+  };
+  const auto go_on = [](const IterationState&) { return true; };
+  for (const std::string outer : kCompetitors) {
+    if (!IsRegistered(outer)) continue;
+    const std::vector<double> alone = run(outer, go_on);
+    for (const std::string inner : kCompetitors) {
+      if (!IsRegistered(inner)) continue;
+      const std::vector<double> inside = run(inner, go_on);
+      const std::vector<double> x = run(outer, [&](const IterationState& s) {
+        if (s.counters.iterations == 3) {
+          EXPECT_TRUE(SameBits(run(inner, go_on), inside));
+        }
+        return true;
+      });
+      EXPECT_TRUE(SameBits(x, alone)) << inner << " inside " << outer;
+    }
+  }
+}
+
+// ---- Budgets and callbacks --------------------------------------------------
+
+TEST_P(Competitors, IterationsExhausted) {
+  Quadratic quadratic(50);
+  const std::vector<double> start(50, 0.0);
+  for (const int budget : {0, 1, 7}) {
+    SolveOptions options;
+    options.max_iterations = budget;
+    const Result run = Minimize(spec(), &quadratic, start, options);
+    EXPECT_EQ(run.summary.reason, StopReason::MAX_ITERATIONS);
+    EXPECT_EQ(run.summary.counters.iterations, budget);
+    if (budget == 0) {
+      EXPECT_EQ(run.summary.counters.evaluations, 1);
+    }
+    ExpectBothNumbers(run.summary, "iterations", budget);
+    ExpectHonest(quadratic, run);
+    EXPECT_EQ(SameBits(run.x, start), budget == 0);
+    EXPECT_EQ(run.summary.cost<run.summary.initial_cost, budget> 0);
+  }
+}
+
+// Inside a line search, too.
+TEST_P(Competitors, EvaluationsExhausted) {
+  Quadratic quadratic(50);
+  const std::vector<double> start(50, 0.0);
+  for (int budget = 1; budget <= 40; ++budget) {
+    SCOPED_TRACE(budget);
+    Spy spy(&quadratic);
+    SolveOptions options;
+    options.max_evaluations = budget;
+    const Result run = Minimize(spec(), &spy, start, options);
+    EXPECT_EQ(run.summary.reason, StopReason::MAX_EVALUATIONS);
+    EXPECT_EQ(spy.evaluations(), budget);
+    EXPECT_EQ(run.summary.counters.evaluations, budget);
+    ExpectBothNumbers(run.summary, "evaluations", budget);
+    ExpectHonest(quadratic, run);
+    EXPECT_LE(run.summary.cost, run.summary.initial_cost);
+    if (budget >= 30) {
+      EXPECT_LT(run.summary.cost, run.summary.initial_cost);
+    }
+  }
+}
+
+TEST_P(Competitors, SecondsExhausted) {
+  Quadratic quadratic(50);
+  SolveOptions options;
+  options.max_seconds = 0.0;
+  const std::vector<double> start(50, 0.0);
+  const Result run = Minimize(spec(), &quadratic, start, options);
+  EXPECT_EQ(run.summary.reason, StopReason::MAX_SECONDS);
+  EXPECT_TRUE(SameBits(run.x, start));
+}
+
+TEST_P(Competitors, CallbackStops) {
+  Quadratic quadratic(50);
+  SolveOptions options;
+  int calls = 0;
+  options.callback = [&](const IterationState& state) {
+    EXPECT_EQ(state.counters.iterations, calls);
+    const std::vector<double> x(state.x, state.x + 50);
+    EXPECT_TRUE(SameBits(state.cost, CostAt(quadratic, x)));
+    EXPECT_TRUE(SameBits(state.max_gradient, MaxGradientAt(quadratic, x)));
+    return ++calls < 4;
+  };
+  const Result run =
+      Minimize(spec(), &quadratic, std::vector<double>(50, 0.0), options);
+  EXPECT_EQ(calls, 4);
+  EXPECT_EQ(run.summary.reason, StopReason::CALLBACK);
+  EXPECT_EQ(run.summary.counters.iterations, 3);
+  EXPECT_TRUE(Contains(run.summary.message, "stopped by the caller"));
+  EXPECT_LT(run.summary.cost, run.summary.initial_cost);
+  ExpectHonest(quadratic, run);
+}
+
+// ---- Failure ----------------------------------------------------------------
+
+TEST_P(Competitors, NanAtTheStart) {
+  Quadratic quadratic(50);
+  Spy spy(&quadratic, [](int, double*, double* gradient) {
+    if (gradient != nullptr) gradient[17] = kNan;
+    return true;
+  });
+  const std::vector<double> start(50, 0.25);
+  const Result run = Minimize(spec(), &spy, start);
+  EXPECT_EQ(run.summary.reason, StopReason::EVALUATION_FAILED);
+  EXPECT_EQ(run.summary.message, "gradient[17] = nan at evaluation 1");
+  EXPECT_TRUE(SameBits(run.x, start));
+}
+
+// The run ends there, and gives back the best point from before.
+TEST_P(Competitors, NanLaterOn) {
+  Quadratic quadratic(50);
+  const std::vector<double> start(50, 0.0);
+  for (const int bad : {2, 3, 4, 5, 40}) {
+    for (const bool cost_too : {false, true}) {
+      SCOPED_TRACE(bad);
+      Spy spy(&quadratic,
+              [bad, cost_too](int evaluation, double* cost, double* gradient) {
+                if (evaluation != bad) return true;
+                if (gradient != nullptr) gradient[17] = kNan;
+                if (cost_too) *cost = kNan;
+                return true;
+              });
+      const Result run = Minimize(spec(), &spy, start, Tolerance(1e-10));
+      EXPECT_EQ(run.summary.reason, StopReason::EVALUATION_FAILED);
+      EXPECT_EQ(run.summary.message,
+                (cost_too ? "cost = nan at evaluation "
+                          : "gradient[17] = nan at evaluation ") +
+                    std::to_string(bad));
+      EXPECT_EQ(spy.evaluations(), bad);
+      ExpectHonest(quadratic, run);
+      if (bad == 2) {
+        EXPECT_TRUE(SameBits(run.x, start));
+      }
+      if (bad == 40) {
+        EXPECT_LT(run.summary.cost, run.summary.initial_cost);
+      }
+    }
+  }
+}
+
+TEST_P(Competitors, BestPointSurvivesAFunctionThatRefuses) {
+  Quadratic quadratic(50);
+  Spy spy(&quadratic,
+          [](int evaluation, double*, double*) { return evaluation <= 60; });
+  const Result run =
+      Minimize(spec(), &spy, std::vector<double>(50, 0.0), Tolerance(1e-10));
+  EXPECT_EQ(run.summary.reason, StopReason::EVALUATION_FAILED);
+  EXPECT_EQ(run.summary.message, "the function refused evaluation 61");
+  ExpectHonest(quadratic, run);
+  EXPECT_LT(run.summary.cost, 0.1 * run.summary.initial_cost);
+}
+
+// Where no step lowers the cost it says so in its own words, and restarts are
+// counted.
+TEST_P(Competitors, GivesUpInItsOwnWords) {
+  Quadratic quadratic(50);
+  for (const int restarts : {0, 5}) {
+    // The cost goes up from now on, whatever the gradient says.
+    Spy spy(&quadratic, [](int evaluation, double* cost, double*) {
+      if (evaluation > 40) *cost = 1e6 + evaluation;
+      return true;
+    });
+    const Result run =
+        Minimize(spec() + ",restarts=" + std::to_string(restarts),
+                 &spy,
+                 std::vector<double>(50, 0.0),
+                 Tolerance(1e-6));
+    EXPECT_EQ(run.summary.reason, StopReason::NO_PROGRESS);
+    ExpectHonest(quadratic, run);
+    EXPECT_LT(run.summary.cost, run.summary.initial_cost);
+    EXPECT_EQ(run.summary.counters.restarts, restarts > 0);
+    EXPECT_EQ(run.summary.counters.evaluations, spy.evaluations());
+    const std::string& message = run.summary.message;
+    if (Contains(spec(), "nlopt")) {
+      EXPECT_TRUE(Contains(message, ": NLopt: FAILURE")) << message;
+    } else if (Contains(spec(), "tao")) {
+      EXPECT_TRUE(Contains(message, ": TAO: DIVERGED_LS_FAILURE")) << message;
+    } else {
+      EXPECT_TRUE(Contains(message, ": libLBFGS: LBFGSERR_")) << message;
+    }
+  }
+}
+
+// At the end of its digits a library may go on for ever, or divide by zero; the
+// point that is returned is good all the same.
+TEST_P(Competitors, BelowRoundoff) {
+  Quadratic quadratic(50);
+  Raised raised(&quadratic);
+  const Result run =
+      Minimize(spec(), &raised, std::vector<double>(50, 0.0), Tolerance(1e-30));
+  EXPECT_TRUE(run.summary.reason == StopReason::NO_PROGRESS ||
+              run.summary.reason == StopReason::MAX_ITERATIONS)
+      << run.summary.BriefReport();
+  EXPECT_LT(run.summary.max_gradient, 1e-4 * run.summary.scales.gradient)
+      << run.summary.BriefReport();
+  ExpectHonest(raised, run);
+}
+
+// ---- The function's own reference -------------------------------------------
+
+TEST_P(Competitors, RebasesWhereRoundingOfTheVariablesLimits) {
+  Quadratic quadratic(50);
+  Offset offset(&quadratic, 1e8, /*can_rebase=*/true);
+  const Result run =
+      Minimize(spec(), &offset, std::vector<double>(50, 1e8), Tolerance(1e-8));
+  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
+      << run.summary.BriefReport();
+  EXPECT_EQ(run.summary.counters.rebases, 1);
+  EXPECT_EQ(run.summary.counters.restarts, 1);
+  EXPECT_LT(std::abs(run.x[0]), 1.0);
+  ExpectHonest(offset, run);
+}
+
+// Between iterations only: never while a line search is under way.
+class Recentered : public Quadratic {
+ public:
+  Recentered() : Quadratic(50) {}
+  bool Recenter(const double* x) override {
+    at_.assign(x, x + 50);
+    ++recenters_;
+    return true;
+  }
+  const std::vector<double>& at() const { return at_; }
+  int recenters() const { return recenters_; }
+
+ private:
+  std::vector<double> at_;
+  int recenters_ = 0;
+};
+
+TEST_P(Competitors, RecentersAtEachIterate) {
+  Recentered quadratic;
+  SolveOptions options = Tolerance(1e-6);
+  std::vector<double> last;
+  int calls = 0;
+  options.callback = [&](const IterationState& state) {
+    EXPECT_EQ(quadratic.recenters(), calls);
+    EXPECT_EQ(quadratic.at(), last);
+    last.assign(state.x, state.x + 50);
+    ++calls;
+    return true;
+  };
+  const Result run =
+      Minimize(spec(), &quadratic, std::vector<double>(50, 0.0), options);
+  EXPECT_TRUE(run.summary.Succeeded());
+  EXPECT_EQ(run.summary.counters.recenters, run.summary.counters.iterations);
+}
+
+// ---- Units: what scaled=1 is for --------------------------------------------
+
+TEST_P(Competitors, ScaledIsIndependentOfUnits) {
+  if (!Contains(spec(), "scaled=1")) return;
+  Quadratic quadratic(50);
+  const std::vector<double> start(50, 0.0);
+  const Result a = Minimize(spec(), &quadratic, start, Tolerance(1e-6));
+  for (const int exponent : {-60, 60}) {
+    InOtherUnits other(&quadratic, exponent, 20);
+    const Result b = Minimize(spec(), &other, start, Tolerance(1e-6));
+    EXPECT_EQ(b.summary.reason, StopReason::CONVERGED);
+    EXPECT_EQ(b.summary.counters.iterations, a.summary.counters.iterations);
+    EXPECT_EQ(b.summary.counters.evaluations, a.summary.counters.evaluations);
+    for (int i = 0; i < 50; ++i) EXPECT_EQ(b.x[i], 0x1p-20 * a.x[i]) << i;
+  }
+}
+
+// ---- Traps of the libraries (third_party_notes) -----------------------------
+
+// The gradient that ends it is absolute; what is tight in other units passes.
+TEST(Nlopt, AsIsEndsAtAnAbsoluteGradient) {
+  if (!IsRegistered("nlopt_lbfgs")) GTEST_SKIP();
+  Quadratic quadratic(50);
+  InOtherUnits small(&quadratic, -40, 0);
+  const std::vector<double> start(50, 0.0);
+  const Result as_is = Minimize("nlopt_lbfgs", &small, start, Tolerance(1e-6));
+  EXPECT_EQ(as_is.summary.reason, StopReason::NO_PROGRESS);
+  EXPECT_TRUE(Contains(as_is.summary.message, "NLopt: SUCCESS"))
+      << as_is.summary.message;
+  const Result scaled =
+      Minimize("nlopt_lbfgs:scaled=1", &small, start, Tolerance(1e-6));
+  EXPECT_EQ(scaled.summary.reason, StopReason::CONVERGED);
+}
+
+TEST(Nlopt, MemoryThatOverflowsItIsRefused) {
+  if (!IsRegistered("nlopt_lbfgs")) GTEST_SKIP();
+  Quadratic quadratic(50);
+  const std::vector<double> start(50, 0.0);
+  const Result run =
+      Minimize("nlopt_lbfgs:memory=1000000000", &quadratic, start);
+  EXPECT_EQ(run.summary.reason, StopReason::NO_PROGRESS);
+  EXPECT_TRUE(Contains(run.summary.message, "memory=1000000000"));
+  EXPECT_TRUE(SameBits(run.x, start));
+}
+
+// It leaves the process as it was: silent, signals and environment untouched.
+TEST(Petsc, LeavesTheProcessAlone) {
+  if (!IsRegistered("tao_lmvm")) GTEST_SKIP();
+  testing::internal::CaptureStdout();
+  testing::internal::CaptureStderr();
+  Quadratic quadratic(50);
+  // A failure and a success.
+  Spy spy(&quadratic, [](int e, double*, double*) { return e < 5; });
+  Minimize("tao_lmvm", &spy, std::vector<double>(50, 0.0));
+  Minimize("tao_lmvm", &quadratic, std::vector<double>(50, 0.0));
+  EXPECT_EQ(testing::internal::GetCapturedStdout(), "");
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+  for (const int signal : {SIGSEGV, SIGFPE, SIGABRT, SIGBUS, SIGILL, SIGTERM}) {
+    struct sigaction action;
+    ASSERT_EQ(sigaction(signal, nullptr, &action), 0);
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+    EXPECT_EQ(action.sa_handler, SIG_DFL) << signal;
+#endif
+  }
+  for (const char* name : {"OMPI_MCA_btl",
+                           "OMPI_MCA_opal_signal",
+                           "OMPI_MCA_ess_singleton_isolated"}) {
+    EXPECT_EQ(std::getenv(name), nullptr) << name;
+  }
+}
+
+// No option is read and then forgotten.
+TEST(Competitors, EachOptionLeadsToAnotherRun) {
+  const auto evaluations = [](const std::string& spec) {
+    Quadratic quadratic(50);
+    const Result run = Minimize(
+        spec, &quadratic, std::vector<double>(50, 0.0), Tolerance(1e-6));
+    EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
+    return run.summary.counters.evaluations;
+  };
+  for (const std::string name : kCompetitors) {
+    if (!IsRegistered(name)) continue;
+    EXPECT_LT(evaluations(name + ":memory=50"),
+              evaluations(name + ":memory=2"));
+  }
+  if (IsRegistered("liblbfgs")) {
+    EXPECT_NE(evaluations("liblbfgs:line_search=strong_wolfe"),
+              evaluations("liblbfgs:line_search=more_thuente"));
+  }
+  if (IsRegistered("tao_lmvm")) {
+    EXPECT_NE(evaluations("tao_lmvm:scaling=scalar"),
+              evaluations("tao_lmvm:scaling=diagonal"));
+    EXPECT_NE(evaluations("tao_lmvm:scaling=scalar"),
+              evaluations("tao_lmvm:scaling=none"));
+  }
+}
+
+}  // namespace
+}  // namespace granopt
