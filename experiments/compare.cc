@@ -14,7 +14,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <ctime>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -23,11 +25,10 @@
 #include <vector>
 
 #include "experiments/comparison.h"
+#include "experiments/preparation.h"
 #include "experiments/run.h"
 #include "experiments/scene.h"
 #include "granular/atomic_file.h"
-#include "granular/jamming.h"
-#include "granular/packing_io.h"
 #include "granular/quad_residual.h"
 #include "granular/relaxation.h"
 
@@ -76,10 +77,11 @@ DEFINE_string(replot,
 namespace granopt {
 namespace {
 
-constexpr double kPreparedTolerance = 1e-12;  // relative
-constexpr double kGrowth = 1e-3;  // steps in phi of the compression for fig2
 constexpr int kCurveBuckets = 95;
 constexpr int kCasesPerFigure = 3;
+// Cases whose figures an earlier comparison may have left behind.
+constexpr int kMostCases = 99;
+constexpr double kFig2Phi = 0.8389;
 
 constexpr char kTable1Solvers[] =
     "L-BFGS@lbfgs:memory=5;"
@@ -109,20 +111,19 @@ double WallSeconds() {
       .count();
 }
 
-long long Wide(std::uint64_t seed) { return static_cast<long long>(seed); }
-
 // ---------------------------------------------------------------- figures
 
-std::vector<std::string> FigureNames(int cases) {
-  std::vector<std::string> names;
-  const int pages = (cases + kCasesPerFigure - 1) / kCasesPerFigure;
-  for (const char* base : {"curves", "work"}) {
-    for (int page = 1; page <= pages; ++page) {
-      names.push_back(page == 1 ? base : Format("%s_%d", base, page));
-    }
+// The files of the figures of that many cases.
+void AddPictures(int cases, std::vector<std::string>* names) {
+  const auto add = [names](const std::string& base) {
+    names->push_back(base + ".svg");
+    names->push_back(base + ".png");
+  };
+  for (int page = 1; (page - 1) * kCasesPerFigure < cases; ++page) {
+    add(page == 1 ? "curves" : Format("curves_%d", page));
+    add(page == 1 ? "work" : Format("work_%d", page));
   }
-  names.push_back("distances");
-  return names;
+  add("distances");
 }
 
 // `data`: the folder of the raw files; figures go to the folder of `output`.
@@ -186,7 +187,6 @@ std::vector<Table> Report(const Setup& setup,
   int converged = 0;
   for (const RunRecord& run : runs) converged += run.converged ? 1 : 0;
   std::printf("\n%d of %zu runs converged\n", converged, runs.size());
-  output->PrintFiles();
   return tables;
 }
 
@@ -267,271 +267,14 @@ int Replot() {
     if (!ReadFile(data + name, &text, &error)) BadInput("--replot: " + error);
   }
   std::vector<std::string> names = {"tables.csv", "tables.md"};
-  for (const std::string& name :
-       FigureNames(static_cast<int>(setup.cases.size()))) {
-    names.push_back(name + ".svg");
-    names.push_back(name + ".png");
-  }
+  AddPictures(kMostCases, &names);
   Output output;
   output.Create(IsGiven("out") ? FLAGS_out : data, names);
   std::printf("compare   tables and figures of %s again\n", data.c_str());
   Report(setup, data, &output);
+  output.PrintFiles();
   return kConverged;
 }
-
-// ---------------------------------------------------------------- packings
-
-// Makes the states that loads are applied to, and keeps them as files.
-class Preparation {
- public:
-  Preparation(const Scene& scene, const Solver& solver, Output* output)
-      : scene_(scene), solver_(solver), output_(output) {}
-
-  // One line a state.
-  const std::vector<std::string>& lines() const { return lines_; }
-  const Json& json() const { return json_; }
-
-  // The input, or a random start relaxed at --phi.
-  Packing Relaxed(std::uint64_t seed) {
-    if (!FLAGS_input.empty()) return scene_.packing;
-    return Kept(Format("relaxed_seed%lld", Wide(seed)),
-                GeneratedKey("relaxed", seed, FLAGS_phi),
-                [&] {
-                  return Relaxed(MakeScene(FLAGS_phi, seed).packing,
-                                 kPreparedTolerance);
-                });
-  }
-
-  // Compressed from 0.80 to `phi` in steps of kGrowth at fixed positions, each
-  // relaxed, as Algorithm 1 of the paper does.
-  Packing Compressed(std::uint64_t seed, double phi) {
-    if (!FLAGS_input.empty()) return scene_.packing;
-    const double first = std::min(0.80, phi);
-    return Kept(
-        Format("fig2_seed%lld", Wide(seed)),
-        GeneratedKey(Format("compressed from %.17g", first), seed, phi),
-        [&] {
-          Packing packing = MakeScene(first, seed).packing;
-          const int steps =
-              std::max(1, static_cast<int>(std::ceil((phi - first) / kGrowth)));
-          for (int step = 0; step <= steps; ++step) {
-            stage_ = Format("compression, step %d of %d", step, steps);
-            packing.SetPackingFraction(first + (phi - first) * step / steps);
-            packing =
-                Relaxed(packing, step == steps ? kPreparedTolerance : 1e-8);
-          }
-          stage_.clear();
-          return packing;
-        });
-  }
-
-  // States at phi_J + each of `distances`, increasing: from a jammed state down
-  // its branch to phi_J, then compressed from distance to distance.
-  std::vector<Packing> NearJamming(std::uint64_t seed,
-                                   const std::vector<double>& distances) {
-    std::string which;
-    for (const double d : distances) which += "," + Neat(d);
-    const std::string key =
-        GeneratedKey("near jamming at" + which, seed, FLAGS_phi);
-    std::vector<Packing> states(distances.size());
-    const auto name = [&](std::size_t k) {
-      return "near_jamming_" + Neat(distances[k]) +
-             Format("_seed%lld", Wide(seed));
-    };
-    bool all = true;
-    for (std::size_t k = 0; k < distances.size() && all; ++k) {
-      all = Reuse(name(k), key, &states[k]);
-    }
-    if (all) return states;
-    JammingResult jamming = Jam(seed, 0.1 * distances[0]);
-    Packing packing = jamming.jammed.packing;
-    for (std::size_t k = 0; k < distances.size(); ++k) {
-      stage_ = "phi_J + " + Neat(distances[k]);
-      packing.SetPackingFraction(jamming.phi_j + distances[k]);
-      packing = Relaxed(packing, kPreparedTolerance);
-      packing.attributes["phi_j"] = Format("%.17g", jamming.phi_j);
-      Keep(name(k), key, packing);
-      states[k] = packing;
-    }
-    stage_.clear();
-    return states;
-  }
-
- private:
-  std::string GeneratedKey(const std::string& what,
-                           std::uint64_t seed,
-                           double phi) const {
-    std::string start;
-    if (FLAGS_input.empty()) {
-      start = Format("%d grains in %dD, seed %lld, phi %.17g",
-                     FLAGS_particles,
-                     FLAGS_dimension,
-                     Wide(seed),
-                     phi);
-    } else {
-      // FNV-1a of the input.
-      std::uint64_t hash = 14695981039346656037u;
-      for (const char c : FormatPacking(scene_.packing)) {
-        hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211u;
-      }
-      start = Format("input %016llx", static_cast<unsigned long long>(hash));
-    }
-    return what + Format("; alpha %.17g; ", scene_.energy.alpha) + start +
-           "; " + solver_.name();
-  }
-
-  template <typename Make>
-  Packing Kept(const std::string& name, const std::string& key, Make make) {
-    Packing packing;
-    if (Reuse(name, key, &packing)) return packing;
-    packing = make();
-    Keep(name, key, packing);
-    return packing;
-  }
-
-  std::string FileOf(const std::string& name) const {
-    return "prepared_" + name + ".xyz";
-  }
-
-  bool Reuse(const std::string& name,
-             const std::string& key,
-             Packing* packing) {
-    std::string error;
-    if (!ReadPacking(output_->Path(FileOf(name)), packing, &error))
-      return false;
-    const auto found = packing->attributes.find("prepared");
-    if (found == packing->attributes.end() || found->second != key)
-      return false;
-    Describe(name, *packing, " (reused)");
-    return true;
-  }
-
-  void Keep(const std::string& name, const std::string& key, Packing packing) {
-    packing.attributes["prepared"] = key;
-    output_->WritePacking(FileOf(name), packing);
-    Describe(name, packing, "");
-  }
-
-  void Describe(const std::string& name,
-                const Packing& packing,
-                const char* remark) {
-    QuadResidual judge;
-    std::string error;
-    if (!EvaluateQuad(packing, scene_.energy, nullptr, &judge, &error)) {
-      BadInput(error);
-    }
-    const auto attribute = [&](const char* key) {
-      const auto found = packing.attributes.find(key);
-      return found == packing.attributes.end()
-                 ? 0.0
-                 : std::strtod(found->second.c_str(), nullptr);
-    };
-    const double pressure = attribute("pressure");
-    const double phi = packing.PackingFraction();
-    const double phi_j = attribute("phi_j");
-    lines_.push_back(
-        name + ": " +
-        (pressure > 0.0
-             ? Format("phi = %.10g, p = %.3e, residual %.0e mean forces",
-                      phi,
-                      pressure,
-                      judge.Relative())
-             : Format("phi = %.10g, unjammed", phi)) +
-        (phi_j > 0.0 ? Format(", phi - phi_J = %.3e", phi - phi_j) : "") +
-        remark);
-    json_.push_back({{"file", FileOf(name)},
-                     {"phi", phi},
-                     {"pressure", pressure},
-                     {"energy", judge.energy},
-                     {"quad_relative_residual", judge.Relative()}});
-    if (phi_j > 0.0) json_.back()["phi_j"] = phi_j;
-  }
-
-  SolveOptions Options(double tolerance) {
-    SolveOptions options = MakeSolveOptions();
-    options.relative_tolerance = tolerance;
-    options.callback = [this](const IterationState& state) {
-      if (progress_.Due()) {
-        progress_.Show(
-            Format("preparing%s%s | iteration %lld: |g| / mean force %.1e",
-                   stage_.empty() ? "" : ": ",
-                   stage_.c_str(),
-                   static_cast<long long>(state.counters.iterations),
-                   state.scales.gradient > 0.0
-                       ? state.max_gradient / state.scales.gradient
-                       : 0.0));
-      }
-      return true;
-    };
-    return options;
-  }
-
-  Packing Relaxed(const Packing& start, double tolerance) {
-    Relaxation result;
-    std::string error;
-    if (!Relax(start,
-               scene_.energy,
-               solver_,
-               Options(tolerance),
-               &result,
-               &error)) {
-      BadInput(scene_.origin + ": " + error);
-    }
-    last_jammed_ = result.summary.reason != StopReason::VANISHED;
-    if (!last_jammed_) result.observables.pressure = 0.0;
-    return Annotated(result, scene_.energy);
-  }
-
-  // A state at most `error_bar` above its jamming point.
-  JammingResult Jam(std::uint64_t seed, double error_bar) {
-    Packing start = Relaxed(seed);
-    // What is unjammed at --phi is compressed until it jams.
-    stage_ = "compressing until it jams";
-    start = Relaxed(start, 1e-8);
-    for (int step = 0; !last_jammed_ && step < 100; ++step) {
-      start.SetPackingFraction(start.PackingFraction() + 5e-3);
-      start = Relaxed(start, 1e-8);
-    }
-    JammingOptions options;
-    options.energy = scene_.energy;
-    options.solve = Options(1e-8);
-    options.solve.vanishing_tolerance = 1e-3 * options.accuracy;
-    options.error_bar = error_bar;
-    stage_ = "down to phi_J";
-    const auto observer = [this](const JammingStep& step) {
-      stage_ = Format("%s to phi_J, phi = %.10f, p = %.1e",
-                      JammingStageName(step.stage),
-                      step.phi,
-                      step.result->observables.pressure);
-      return true;
-    };
-    JammingResult result;
-    std::string error;
-    const bool found =
-        DecompressToJamming(start, options, solver_, observer, &result, &error);
-    if (!found || !result.converged) {
-      progress_.Clear();
-      std::fprintf(
-          stderr,
-          "compare: near_jamming, %s: %s\n",
-          scene_.origin.c_str(),
-          found ? Format("the error bar of phi_J is only %.1e", result.distance)
-                      .c_str()
-                : error.c_str());
-      std::exit(kNotConverged);
-    }
-    return result;
-  }
-
-  const Scene& scene_;
-  const Solver& solver_;
-  Output* output_;
-  Progress progress_;
-  std::string stage_;
-  bool last_jammed_ = true;
-  std::vector<std::string> lines_;
-  Json json_ = Json::array();
-};
 
 // ---------------------------------------------------------------- runs
 
@@ -711,143 +454,155 @@ void RunOne(const RunKey& key,
   }
 }
 
-// ---------------------------------------------------------------- the binary
+// ---------------------------------------------------------------- the plan
 
-void AddAssumptions(const std::string& prepare_solver,
-                    double alpha,
-                    Setup* setup) {
-  auto& rows = setup->assumptions;
-  std::string methods;
-  for (const Method& method : setup->methods) {
-    methods += (methods.empty() ? "" : "; ") + method.spec;
-  }
-  const auto given = [](const char* flag, const char* otherwise) {
-    return IsGiven(flag) ? std::string("given by --") + flag
-                         : std::string(otherwise);
-  };
+// All that the flags ask for, checked.
+struct Plan {
+  Setup setup;
+  std::vector<std::unique_ptr<Solver>> solvers;  // as setup.methods
+  std::unique_ptr<Solver> prepare;
+  std::vector<double> distances;
+  double phi = 0.0;
+  double phi_fig2 = 0.0;
+  // The input, or the random start of the first seed.
+  Scene scene;
+  int runs = 0;
+};
+
+void AddAssumptions(Plan* plan) {
+  Setup& setup = plan->setup;
+  auto& rows = setup.assumptions;
+  const double alpha = plan->scene.energy.alpha;
   rows.emplace_back("exponent alpha",
-                    Neat(alpha) + given("alpha", ", the harmonic law"));
-  if (IsGiven("alpha")) rows.back().second = Neat(alpha) + ", given by --alpha";
+                    Neat(alpha) + (IsGiven("alpha") ? ", given by --alpha"
+                                   : alpha == 2.0   ? ", the harmonic law"
+                                                    : ", the input's own"));
   std::string levels;
-  for (const Level& level : setup->levels) {
+  for (const Level& level : setup.levels) {
     levels += (levels.empty() ? "" : ", ") + Neat(level.value) +
               (level.absolute ? " absolute" : " mean forces");
   }
   rows.emplace_back(
       "tolerance",
       "max|g| <= " + levels +
-          (setup->levels.size() > 1 ? "; all from the runs to the first" : ""));
+          (setup.levels.size() > 1 ? "; all from the runs to the first" : ""));
   rows.emplace_back("units of an absolute tolerance",
                     "k = 1, L = V^(1/d) = 1: max|g| / (k L^(alpha-1))");
-  rows.emplace_back("memory m of L-BFGS, line search, r_nn, mu",
-                    "as in the methods' options: " + methods);
+  rows.emplace_back("memory m, line search, r_nn, mu",
+                    "the methods' options; what is not given has its default "
+                    "(--list_solvers)");
   rows.emplace_back("meaning of n_iter",
                     "accepted steps; evaluations of E and its gradient beside "
                     "them");
-  const std::string origin =
-      !FLAGS_input.empty()
-          ? "the input " + FLAGS_input
-          : "uniform random centres, radii 1 : 1.4 half and half";
-  if (setup->paper == "fig2") {
+  const std::string random =
+      "uniform random centres, radii 1 : 1.4 half and half";
+  if (setup.paper == "fig2") {
     rows.emplace_back(
         "the unjammed state",
-        FLAGS_input.empty()
-            ? origin +
-                  Format("; relaxed at phi = 0.80, compressed to phi by "
-                         "radii in steps of %g, relaxed after each, by ",
-                         kGrowth) +
-                  prepare_solver
-            : origin);
+        !FLAGS_input.empty()
+            ? "the input " + FLAGS_input
+            : random +
+                  Format("; relaxed at phi = %g, radii grown to phi in "
+                         "steps of %g, relaxed after each, by ",
+                         Preparation::kCompressedFrom,
+                         Preparation::kStep) +
+                  plan->prepare->name());
     rows.emplace_back("phi of the caption", "that before the radii grow");
   } else {
     rows.emplace_back("the over-jammed state",
-                      FLAGS_input.empty()
-                          ? origin +
+                      !FLAGS_input.empty()
+                          ? "the input " + FLAGS_input
+                          : random +
                                 Format("; relaxed at phi to %g mean forces by ",
-                                       kPreparedTolerance) +
-                                prepare_solver
-                          : origin);
+                                       Preparation::kTolerance) +
+                                plan->prepare->name());
     rows.emplace_back("random perturbation O(1e-4)",
                       "each coordinate by a uniform number in +-1e-4 L");
     rows.emplace_back("shear strain",
                       "cell and centres deformed affinely, then relaxed in the "
                       "deformed periodic cell");
   }
-  rows.emplace_back("time",
-                    "CPU seconds of this machine, one thread; ratios to " +
-                        setup->baseline + " compare");
+  rows.emplace_back(
+      "time",
+      "CPU seconds of this machine; compare ratios to " + setup.baseline);
 }
 
-int Main() {
-  ListSolversIfAsked();
-  if (IsGiven("replot")) {
-    if (FLAGS_replot.empty()) BadInput("--replot= is empty");
-    return Replot();
-  }
-  Setup setup;
-  std::string error;
+void ApplyPreset(Plan* plan) {
+  Setup& setup = plan->setup;
   setup.paper = FLAGS_paper;
-  if (FLAGS_paper == "table1" || FLAGS_paper == "fig2") {
-    const bool table = FLAGS_paper == "table1";
-    if (!IsGiven("solvers"))
-      FLAGS_solvers = table ? kTable1Solvers : kFig2Solvers;
-    if (!IsGiven("cases"))
-      FLAGS_cases = table ? "growth,simple_shear,random" : "fig2";
-    if (!IsGiven("particles") && !FLAGS_smoke) FLAGS_particles = 4096;
+  if (!FLAGS_paper.empty()) {
+    const bool table1 = FLAGS_paper == "table1";
+    if (!table1 && FLAGS_paper != "fig2") {
+      BadInput("--paper=" + FLAGS_paper + " must be table1 or fig2");
+    }
+    if (!IsGiven("solvers")) {
+      FLAGS_solvers = table1 ? kTable1Solvers : kFig2Solvers;
+    }
+    if (!IsGiven("cases")) {
+      FLAGS_cases = table1 ? "growth,simple_shear,random" : "fig2";
+    }
+    if (!IsGiven("particles") && FLAGS_input.empty() && !FLAGS_smoke) {
+      FLAGS_particles = 4096;
+    }
     setup.levels = {{true, 1e-13}};
-    if (table) setup.levels.push_back({true, 1e-10});
-    if (table) setup.levels.push_back({false, 1e-6});
-  } else if (!FLAGS_paper.empty()) {
-    BadInput("--paper=" + FLAGS_paper + " must be table1 or fig2");
+    if (table1) {
+      setup.levels.push_back({true, 1e-10});
+      setup.levels.push_back({false, 1e-6});
+    }
   }
   if (FLAGS_smoke) {
-    if (!IsGiven("particles")) FLAGS_particles = 64;
+    if (!IsGiven("particles") && FLAGS_input.empty()) FLAGS_particles = 64;
     if (!IsGiven("repetitions")) FLAGS_repetitions = 2;
     if (!IsGiven("distances")) FLAGS_distances = "1e-2,1e-3,1e-4";
   }
+  Level level;
+  if (GivenLevel(&level) || setup.levels.empty()) setup.levels = {level};
+}
+
+Plan MakePlan() {
+  Plan plan;
+  Setup& setup = plan.setup;
+  std::string error;
+  const auto require = [&error](bool good, const char* flag) {
+    if (!good) BadInput(std::string("--") + flag + ": " + error);
+  };
   if (!FLAGS_input.empty() && IsGiven("phi")) {
     BadInput("--phi describes a random start and cannot go with --input");
   }
   CheckPositive("phi", FLAGS_phi);
-  CheckRange("repetitions", FLAGS_repetitions, 1.0, 1e6);
+  CheckPositive("tolerance", FLAGS_tolerance);
   CheckRange("absolute_tolerance", FLAGS_absolute_tolerance, 0.0, 1e300);
   CheckRange("max_seconds", FLAGS_max_seconds, 0.0, 1e300);
   CheckRange("max_evaluations", FLAGS_max_evaluations, 0.0, 9e18);
   CheckPositive("shear", FLAGS_shear);
   CheckRange("shear", FLAGS_shear, 0.0, 1.0);
+  ApplyPreset(&plan);
+  CheckRange("repetitions", FLAGS_repetitions, 1.0, 1e6);
   setup.repetitions = FLAGS_repetitions;
-  Level level;
-  if (GivenLevel(&level) || setup.levels.empty()) setup.levels = {level};
 
-  if (!ParseMethods(FLAGS_solvers, &setup.methods, &error)) {
-    BadInput("--solvers: " + error);
-  }
-  std::vector<std::unique_ptr<Solver>> solvers;
+  require(ParseMethods(FLAGS_solvers, &setup.methods, &error), "solvers");
   for (const Method& method : setup.methods) {
-    solvers.push_back(MakeSolver("solvers", method.spec));
+    plan.solvers.push_back(MakeSolver("solvers", method.spec));
   }
-  const std::unique_ptr<Solver> prepare =
-      MakeSolver("prepare_solver", FLAGS_prepare_solver);
-  std::vector<double> distances;
-  if (!ParseNumbers(FLAGS_distances, &distances, &error)) {
-    BadInput("--distances: " + error);
-  }
-  for (const double d : distances) {
+  plan.prepare = MakeSolver("prepare_solver", FLAGS_prepare_solver);
+  require(ParseNumbers(FLAGS_distances, &plan.distances, &error), "distances");
+  for (const double d : plan.distances) {
     if (d > 0.5 || d < 1e-12) {
       BadInput("--distances: " + Neat(d) + " must be in [1e-12, 0.5]");
     }
   }
-  if (!ParseCases(FLAGS_cases, distances, FLAGS_shear, &setup.cases, &error)) {
-    BadInput("--cases: " + error);
-  }
+  require(ParseCases(
+              FLAGS_cases, plan.distances, FLAGS_shear, &setup.cases, &error),
+          "cases");
+  std::sort(plan.distances.begin(), plan.distances.end());
+  setup.seeds = {FLAGS_seed};
   if (IsGiven("seeds")) {
-    if (!ParseSeeds(FLAGS_seeds, &setup.seeds, &error)) {
-      BadInput("--seeds: " + error);
-    }
-  } else {
-    setup.seeds = {FLAGS_seed};
+    require(ParseSeeds(FLAGS_seeds, &setup.seeds, &error), "seeds");
   }
-  double phi_fig2 = FLAGS_phi;
+  SetBaseline(&setup);
+
+  plan.phi = plan.phi_fig2 = FLAGS_phi;
+  bool all_fig2 = true;
   for (const Case& c : setup.cases) {
     if (c.kind == "user" && FLAGS_input.empty()) {
       BadInput("--cases: user is the packing of --input, which is not given");
@@ -855,224 +610,248 @@ int Main() {
     if (c.kind == "start" && !FLAGS_input.empty()) {
       BadInput("--cases: start is a random start and cannot go with --input");
     }
-    if (c.kind == "fig2" && !IsGiven("phi")) {
+    all_fig2 = all_fig2 && c.kind == "fig2";
+    if (c.kind == "fig2" && FLAGS_input.empty() && !IsGiven("phi")) {
       if (FLAGS_dimension != 2) BadInput("--cases: fig2 in 3D needs --phi");
-      phi_fig2 = 0.8389;
+      plan.phi_fig2 = kFig2Phi;
     }
+    plan.runs +=
+        static_cast<int>(SeedsOf(setup, c).size() * setup.methods.size()) *
+        setup.repetitions;
   }
-  if (FLAGS_paper == "fig2" && !IsGiven("phi")) FLAGS_phi = phi_fig2;
-  SetBaseline(&setup);
+  if (all_fig2) plan.phi = plan.phi_fig2;
 
-  const Scene scene = MakeScene(FLAGS_phi, setup.seeds[0]);
+  plan.scene = MakeScene(plan.phi, setup.seeds[0]);
+  const Packing& packing = plan.scene.packing;
   // A load that makes a packing impossible is found before any work.
   for (const Case& c : setup.cases) {
     Scene loaded;
-    loaded.packing = scene.packing;
-    loaded.energy = scene.energy;
-    loaded.origin = scene.origin + ", " + c.id;
+    loaded.packing = packing;
+    loaded.energy = plan.scene.energy;
+    loaded.origin = plan.scene.origin + ", " + c.id;
     ApplyLoad(LoadOf(c), setup.seeds[0], &loaded.packing);
     CheckScene(loaded);
   }
-  setup.what =
-      FLAGS_input.empty()
-          ? Format("%d %s, phi = %s, alpha = %g",
-                   scene.packing.size(),
-                   scene.packing.dimension() == 2 ? "discs" : "spheres",
-                   Neat(FLAGS_phi).c_str(),
-                   scene.energy.alpha)
-          : Format("%s from %s, phi = %.6g, alpha = %g",
-                   Describe(scene.packing).c_str(),
-                   FLAGS_input.c_str(),
-                   scene.packing.PackingFraction(),
-                   scene.energy.alpha);
-  if (!setup.paper.empty()) {
-    AddAssumptions(prepare->name(), scene.energy.alpha, &setup);
-  }
+  setup.what = FLAGS_input.empty()
+                   ? Format("%d %s, phi = %s, alpha = %g",
+                            packing.size(),
+                            packing.dimension() == 2 ? "discs" : "spheres",
+                            Neat(plan.phi).c_str(),
+                            plan.scene.energy.alpha)
+                   : Format("%s (%s), phi = %.6g, alpha = %g",
+                            Describe(packing).c_str(),
+                            FLAGS_input.c_str(),
+                            packing.PackingFraction(),
+                            plan.scene.energy.alpha);
+  if (!setup.paper.empty()) AddAssumptions(&plan);
+  return plan;
+}
 
-  std::vector<std::string> names = {"setup.json",
-                                    "events.csv",
-                                    "runs.csv",
-                                    "curves.csv",
-                                    "tables.csv",
-                                    "tables.md",
-                                    "summary.json"};
-  for (const std::string& name : FigureNames(99)) {
-    names.push_back(name + ".svg");
-    names.push_back(name + ".png");
-  }
-  Output output;
-  output.Create(FLAGS_out, names);
-  int total = 0;
-  for (const Case& c : setup.cases) {
-    total += static_cast<int>(SeedsOf(setup, c).size() * setup.methods.size()) *
-             setup.repetitions;
-  }
+void PrintPlan(const Plan& plan) {
+  const Setup& setup = plan.setup;
   std::printf("compare   %s\n", setup.what.c_str());
-  for (std::size_t m = 0; m < setup.methods.size(); ++m) {
-    const Method& method = setup.methods[m];
-    std::printf("%s%s%s%s%s\n",
-                m == 0 ? "methods   " : "          ",
-                method.label.c_str(),
-                method.label == method.spec ? "" : "  =  ",
-                method.label == method.spec ? "" : method.spec.c_str(),
+  std::size_t width = 0;
+  for (const Method& method : setup.methods) {
+    width = std::max(width, method.label.size());
+  }
+  const char* head = "methods";
+  for (const Method& method : setup.methods) {
+    std::string line = method.label;
+    if (method.label != method.spec) {
+      line +=
+          std::string(width - method.label.size(), ' ') + "  " + method.spec;
+    }
+    std::printf("%-9s %s%s\n",
+                head,
+                line.c_str(),
                 method.label == setup.baseline ? "  (baseline)" : "");
+    head = "";
   }
+  const auto some = [](std::size_t count, const char* what) {
+    return Format("%zu %s%s", count, what, count == 1 ? "" : "s");
+  };
   std::printf(
-      "runs      %zu methods x %zu cases x %zu seeds x %d repetitions = "
-      "%d; each repetition begins\n          with another method\n",
-      setup.methods.size(),
-      setup.cases.size(),
-      setup.seeds.size(),
-      setup.repetitions,
-      total);
+      "runs      %d: %s x %s x %s x %s; a repetition\n"
+      "          runs all methods on a packing before the next one and "
+      "begins with another method\n",
+      plan.runs,
+      some(setup.methods.size(), "method").c_str(),
+      some(setup.cases.size(), "case").c_str(),
+      some(setup.seeds.size(), "seed").c_str(),
+      some(setup.repetitions, "repetition").c_str());
   std::fflush(stdout);
-  output.Write("setup.json", FormatSetup(setup));
+}
 
-  // Starts, by case and seed.
-  std::map<std::pair<std::string, std::uint64_t>, Start> starts;
-  Json prepared;
-  {
-    Preparation preparation(scene, *prepare, &output);
-    std::sort(distances.begin(), distances.end());
-    for (const std::uint64_t seed : setup.seeds) {
-      std::vector<Packing> near;
-      for (const Case& c : setup.cases) {
-        const std::vector<std::uint64_t> seeds = SeedsOf(setup, c);
-        if (std::find(seeds.begin(), seeds.end(), seed) == seeds.end())
-          continue;
-        Start start;
-        if (c.kind == "near_jamming") {
-          if (near.empty()) near = preparation.NearJamming(seed, distances);
-          const auto at =
-              std::find(distances.begin(), distances.end(), c.distance);
-          start.packing = near[at - distances.begin()];
-          start.distance =
-              start.packing.PackingFraction() -
-              std::strtod(start.packing.attributes["phi_j"].c_str(), nullptr);
-        } else if (c.kind == "fig2") {
-          start.packing = preparation.Compressed(seed, phi_fig2);
-        } else if (c.kind == "start") {
-          start.packing = MakeScene(FLAGS_phi, seed).packing;
-        } else {
-          start.packing = preparation.Relaxed(seed);
+// ---------------------------------------------------------------- the binary
+
+using Starts = std::map<std::pair<std::string, std::uint64_t>, Start>;
+
+// By case and seed. False, with one line in `error`, if a state near jamming
+// cannot be made.
+bool MakeStarts(const Plan& plan,
+                Preparation* preparation,
+                Starts* starts,
+                std::string* error) {
+  for (const std::uint64_t seed : plan.setup.seeds) {
+    std::vector<Packing> near;
+    for (const Case& c : plan.setup.cases) {
+      const std::vector<std::uint64_t> seeds = SeedsOf(plan.setup, c);
+      if (std::find(seeds.begin(), seeds.end(), seed) == seeds.end()) continue;
+      Start start;
+      if (c.kind == "near_jamming") {
+        if (near.empty() &&
+            !preparation->NearJamming(seed, plan.distances, &near, error)) {
+          return false;
         }
-        ApplyLoad(LoadOf(c), seed, &start.packing);
-        starts[{c.id, seed}] = std::move(start);
+        const auto at =
+            std::find(plan.distances.begin(), plan.distances.end(), c.distance);
+        start.packing = near[at - plan.distances.begin()];
+        start.distance =
+            start.packing.PackingFraction() -
+            std::strtod(start.packing.attributes["phi_j"].c_str(), nullptr);
+      } else if (c.kind == "fig2") {
+        start.packing = preparation->Compressed(seed, plan.phi_fig2);
+      } else if (c.kind == "start") {
+        start.packing = MakeScene(plan.phi, seed).packing;
+      } else {
+        start.packing = preparation->Relaxed(seed);
       }
+      ApplyLoad(LoadOf(c), seed, &start.packing);
+      (*starts)[{c.id, seed}] = std::move(start);
     }
-    for (std::size_t k = 0; k < preparation.lines().size(); ++k) {
-      std::printf("%s%s\n",
-                  k == 0 ? "prepared  " : "          ",
-                  preparation.lines()[k].c_str());
-    }
-    std::fflush(stdout);
-    prepared = preparation.json();
+  }
+  return true;
+}
+
+// Seconds that the runs from `done` on will take, from those before.
+class Estimate {
+ public:
+  explicit Estimate(const Plan& plan) : plan_(plan) {}
+
+  void Add(const std::string& id,
+           std::uint64_t seed,
+           int method,
+           double seconds) {
+    known_[{id, seed, method}] = seconds;
+    auto& [sum, count] = by_method_[method];
+    sum += seconds;
+    ++count;
+    total_ += seconds;
+    ++done_;
   }
 
-  Records records;
-  {
-    Progress progress;
-    const double began = WallSeconds();
-    double written = began;
-    int done = 0;
-    // Wall seconds of each run so far, measuring included.
-    std::map<std::tuple<std::string, std::uint64_t, int>, double> known;
-    std::vector<std::pair<double, int>> by_method(setup.methods.size());
-    const auto write = [&] {
-      output.Write("events.csv", EventsCsv(records.events));
-      output.Write("runs.csv", RunsCsv(records.runs));
-      output.Write("curves.csv", CurvesCsv(records.curves));
-    };
-    // What the runs that are left will take, as far as can be known.
-    const auto left = [&](int repetition) {
-      double sum = 0.0, mean = 0.0;
-      for (const auto& [key, seconds] : known) mean += seconds;
-      mean /= std::max<std::size_t>(1, known.size());
-      for (const Case& c : setup.cases) {
-        for (const std::uint64_t seed : SeedsOf(setup, c)) {
-          for (int m = 0; m < static_cast<int>(solvers.size()); ++m) {
-            const auto found = known.find({c.id, seed, m});
-            const int times =
-                setup.repetitions - repetition - (found == known.end() ? 0 : 1);
-            const double each = found != known.end() ? found->second
-                                : by_method[m].second > 0
-                                    ? by_method[m].first / by_method[m].second
-                                    : mean;
-            sum += each * times;
+  double Left() const {
+    if (known_.size() * plan_.setup.repetitions ==
+        static_cast<std::size_t>(plan_.runs)) {
+      return total_ / done_ * (plan_.runs - done_);
+    }
+    // The first repetition: a method is as slow in other cases as so far.
+    double left = -total_;
+    for (const Case& c : plan_.setup.cases) {
+      for (const std::uint64_t seed : SeedsOf(plan_.setup, c)) {
+        for (int m = 0; m < static_cast<int>(plan_.solvers.size()); ++m) {
+          const auto found = known_.find({c.id, seed, m});
+          const auto method = by_method_.find(m);
+          left += plan_.setup.repetitions *
+                  (found != known_.end() ? found->second
+                   : method != by_method_.end()
+                       ? method->second.first / method->second.second
+                       : total_ / done_);
+        }
+      }
+    }
+    return left;
+  }
+
+  int done() const { return done_; }
+
+ private:
+  const Plan& plan_;
+  std::map<std::tuple<std::string, std::uint64_t, int>, double> known_;
+  std::map<int, std::pair<double, int>> by_method_;
+  double total_ = 0.0;
+  int done_ = 0;
+};
+
+void RunAll(const Plan& plan,
+            const Starts& starts,
+            Output* output,
+            Records* records) {
+  const Setup& setup = plan.setup;
+  Progress progress;
+  Estimate estimate(plan);
+  const double began = WallSeconds();
+  double written = began;
+  const auto write = [&] {
+    output->Write("events.csv", EventsCsv(records->events));
+    output->Write("runs.csv", RunsCsv(records->runs));
+    output->Write("curves.csv", CurvesCsv(records->curves));
+  };
+  for (int r = 0; r < setup.repetitions; ++r) {
+    for (const Case& c : setup.cases) {
+      for (const std::uint64_t seed : SeedsOf(setup, c)) {
+        int position = 0;
+        for (const int m :
+             MethodOrder(static_cast<int>(plan.solvers.size()), r)) {
+          const Method& method = setup.methods[m];
+          const double run_began = WallSeconds();
+          const auto show = [&](const IterationState& state) {
+            if (!progress.Due()) return;
+            progress.Show(Format(
+                "run %d of %d, %.0f s gone%s | %s, %s, iteration %lld: "
+                "|g| / mean force %.1e",
+                estimate.done() + 1,
+                plan.runs,
+                WallSeconds() - began,
+                estimate.done() > 0
+                    ? Format(", about %.0f s left", estimate.Left()).c_str()
+                    : "",
+                c.id.c_str(),
+                method.label.c_str(),
+                static_cast<long long>(state.counters.iterations),
+                state.scales.gradient > 0.0
+                    ? state.max_gradient / state.scales.gradient
+                    : 0.0));
+          };
+          RunOne({c.id, seed, r + 1, method.label, method.spec},
+                 ++position,
+                 starts.at({c.id, seed}),
+                 plan.scene.energy,
+                 *plan.solvers[m],
+                 setup,
+                 show,
+                 records);
+          const double now = WallSeconds();
+          estimate.Add(c.id, seed, m, now - run_began);
+          // What is on disk is never old.
+          if (now - written > 10.0) {
+            write();
+            written = now;
           }
         }
       }
-      return sum;
-    };
-    for (int r = 0; r < setup.repetitions; ++r) {
-      for (const Case& c : setup.cases) {
-        for (const std::uint64_t seed : SeedsOf(setup, c)) {
-          const Start& start = starts.at({c.id, seed});
-          int position = 0;
-          for (const int m : MethodOrder(static_cast<int>(solvers.size()), r)) {
-            const Method& method = setup.methods[m];
-            const double run_began = WallSeconds();
-            const auto show = [&](const IterationState& state) {
-              if (!progress.Due()) return;
-              const double gone = WallSeconds() - began;
-              std::string rest;
-              if (done > 0) {
-                const double estimate =
-                    r == 0 ? left(0) : gone / done * (total - done);
-                rest = Format(", about %.0f s left", estimate);
-              }
-              progress.Show(Format(
-                  "run %d of %d, %.0f s%s | %s, %s, iteration %lld: |g| / mean "
-                  "force %.1e",
-                  done + 1,
-                  total,
-                  gone,
-                  rest.c_str(),
-                  c.id.c_str(),
-                  method.label.c_str(),
-                  static_cast<long long>(state.counters.iterations),
-                  state.scales.gradient > 0.0
-                      ? state.max_gradient / state.scales.gradient
-                      : 0.0));
-            };
-            RunOne({c.id, seed, r + 1, method.label, method.spec},
-                   ++position,
-                   start,
-                   scene.energy,
-                   *solvers[m],
-                   setup,
-                   show,
-                   &records);
-            const double now = WallSeconds();
-            known[{c.id, seed, m}] = now - run_began;
-            by_method[m].first += now - run_began;
-            ++by_method[m].second;
-            ++done;
-            // What is on disk is never old.
-            if (now - written > 10.0) {
-              write();
-              written = now;
-            }
-          }
-        }
-      }
     }
-    write();
   }
-  std::vector<Table> tables = Report(setup, output.folder(), &output);
+  write();
+}
 
-  bool converged = true;
-  for (const RunRecord& run : records.runs) converged &= run.converged;
+Json SummaryJson(const Plan& plan,
+                 const Preparation& preparation,
+                 const Records& records,
+                 const std::vector<Table>& tables) {
+  const Scene& scene = plan.scene;
+  std::size_t converged = 0;
+  for (const RunRecord& run : records.runs) converged += run.converged ? 1 : 0;
   Json json;
-  json["converged"] = converged;
+  json["converged"] = converged == records.runs.size();
   json["runs"] = records.runs.size();
+  json["runs_converged"] = converged;
   json["alpha"] = scene.energy.alpha;
   json["k"] = scene.energy.stiffness;
   json["dimension"] = scene.packing.dimension();
   json["particles"] = scene.packing.size();
-  json["prepare_solver"] = prepare->name();
-  json["prepared"] = prepared;
-  json["setup"] = Json::parse(FormatSetup(setup));
+  json["prepare_solver"] = plan.prepare->name();
+  json["prepared"] = preparation.json();
   json["tables"] = Json::array();
   for (const Table& table : tables) {
     Json one;
@@ -1094,9 +873,64 @@ int Main() {
     }
     json["tables"].push_back(one);
   }
+  json["setup"] = Json::parse(FormatSetup(plan.setup));
   json["schema"] = "granopt/compare/1";
   json["provenance"] = Provenance();
-  output.WriteJson("summary.json", json);
+  return json;
+}
+
+int Main() {
+  ListSolversIfAsked();
+  if (IsGiven("replot")) {
+    if (FLAGS_replot.empty()) BadInput("--replot= is empty");
+    return Replot();
+  }
+  const Plan plan = MakePlan();
+  std::vector<std::string> names = {"setup.json",
+                                    "events.csv",
+                                    "runs.csv",
+                                    "curves.csv",
+                                    "tables.csv",
+                                    "tables.md",
+                                    "summary.json"};
+  AddPictures(kMostCases, &names);
+  Output output;
+  output.Create(FLAGS_out, names);
+  PrintPlan(plan);
+  output.Write("setup.json", FormatSetup(plan.setup));
+
+  Preparation preparation(plan.scene, *plan.prepare, plan.phi, &output);
+  Starts starts;
+  std::string error;
+  if (!MakeStarts(plan, &preparation, &starts, &error)) {
+    preparation.ClearProgress();
+    std::fprintf(stderr, "compare: near_jamming: %s\n", error.c_str());
+    return kNotConverged;
+  }
+  preparation.ClearProgress();
+  const char* head = "prepared";
+  for (const std::string& line : preparation.lines()) {
+    std::printf("%-9s %s\n", head, line.c_str());
+    head = "";
+  }
+  if (FLAGS_input.empty() || preparation.lines().size() > 1) {
+    std::printf(
+        "          (kept as prepared_<name>.xyz; used again by a later "
+        "comparison in this folder)\n");
+  }
+  std::fflush(stdout);
+
+  Records records;
+  RunAll(plan, starts, &output, &records);
+  const std::vector<Table> tables =
+      Report(plan.setup, output.folder(), &output);
+  output.WriteJson("summary.json",
+                   SummaryJson(plan, preparation, records, tables));
+  output.PrintFiles();
+  bool converged = true;
+  for (const RunRecord& run : records.runs) {
+    converged = converged && run.converged;
+  }
   return converged ? kConverged : kNotConverged;
 }
 

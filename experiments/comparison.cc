@@ -80,7 +80,7 @@ std::string Meaning(const Case& c) {
     return "each coordinate displaced by up to " + value + " of the box";
   }
   if (c.kind == "fig2") {
-    return "radii x (1 + " + value + ") from an unjammed state";
+    return "radii x (1 + " + value + ") from a state compressed to phi";
   }
   if (c.kind == "near_jamming") {
     return "simple shear strain " + value + " at phi = phi_J + " +
@@ -473,9 +473,12 @@ std::vector<std::string> Notes(const Setup& setup,
 // ---------------------------------------------------------------- the plan
 
 std::string Neat(double value) {
+  const double size = std::abs(value);
+  const bool scientific = size > 0.0 && (size < 0.1 || size >= 1e6);
   std::string text;
-  for (int digits = 6; digits <= 17; ++digits) {
-    text = Format("%.*g", digits, value);
+  for (int digits = 1; digits <= 17; ++digits) {
+    text = scientific ? Format("%.*e", digits - 1, value)
+                      : Format("%.*g", std::max(digits, 6), value);
     if (std::strtod(text.c_str(), nullptr) == value) break;
   }
   const std::size_t e = text.find('e');
@@ -1221,8 +1224,12 @@ std::string TablesText(const Setup& setup,
         rows[0].push_back(name);
       }
     }
-    for (const char* name : {"residual", "minimum", "end"}) {
-      rows[0].push_back(name);
+    // How runs end is said where they stop.
+    const bool stop = table.level == setup.levels[0];
+    if (stop) {
+      for (const char* name : {"residual", "minimum", "end"}) {
+        rows[0].push_back(name);
+      }
     }
     for (const TableRow& row : table.rows) {
       std::vector<std::string> cells = {
@@ -1252,16 +1259,18 @@ std::string TablesText(const Setup& setup,
               paper_base > 0.0 ? Ratio(row.paper->seconds / paper_base) : "-");
         }
       }
-      cells.push_back(row.runs == 0 ? "-" : Format("%.1e", row.residual));
-      cells.push_back(row.minima);
-      cells.push_back(
-          row.end +
-          (row.reached == row.runs || row.runs == 0
-               ? ""
-               : Format(" (%d of %d got there)", row.reached, row.runs)));
+      if (stop) {
+        cells.push_back(row.runs == 0 ? "-" : Format("%.1e", row.residual));
+        cells.push_back(row.minima);
+        cells.push_back(
+            row.end +
+            (row.reached == row.runs
+                 ? ""
+                 : Format(" (%d of %d got there)", row.reached, row.runs)));
+      }
       rows.push_back(cells);
     }
-    text += Grid(rows, 2, markdown);
+    text += Grid(rows, stop ? 2 : 0, markdown);
     if (t + 1 == tables.size() || tables[t + 1].table_case.id != c.id) {
       if (markdown) text += "\n";
       for (const std::string& note : Notes(setup, c, runs)) {
