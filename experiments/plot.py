@@ -961,10 +961,10 @@ def ResidualLabel(absolute):
 
 def ComparisonAxes(rows):
   """Rows of two panels that share their residuals, and room for a legend."""
-  height = 0.75 + 3.55 * rows + 0.35
+  height = 0.95 + 3.55 * rows
   figure, axes = plt.subplots(
       rows, 2, sharey="row", squeeze=False, figsize=(11.0, height),
-      gridspec_kw=dict(left=0.095, right=0.98, top=1 - 1.05 / height,
+      gridspec_kw=dict(left=0.095, right=0.98, top=1 - 0.9 / height,
                        bottom=0.68 / height, wspace=0.06, hspace=0.36))
   return figure, axes
 
@@ -972,8 +972,8 @@ def ComparisonAxes(rows):
 def MethodLegend(figure, styles, **properties):
   """Above everything, in as many lines as it takes."""
   names = list(styles)
-  longest = max(len(name) for name in names)
-  columns = max(1, min(len(names), 5, int(105 / (longest + 8))))
+  columns = max([k for k in range(1, len(names) + 1) if k == 1 or sum(
+      max(len(name) for name in names[c::k]) + 7 for c in range(k)) <= 100])
   handles = [Line2D([], [], color=colour, linestyle=dashes, linewidth=2.4,
                     marker=marker if properties.get("markers") else None,
                     markersize=6, label=name.replace("$", r"\$"))
@@ -987,8 +987,8 @@ def MethodLegend(figure, styles, **properties):
     figure.subplots_adjust(top=parameters.top * height / (height + extra),
                            bottom=parameters.bottom * height / (height + extra))
   figure.legend(handles=handles, loc="upper center", ncol=columns,
-                bbox_to_anchor=(0.535, 0.998), fontsize=12.5 if longest < 40 else 11,
-                handlelength=2.4, columnspacing=1.6)
+                bbox_to_anchor=(0.535, 1.0), fontsize=12.5, handlelength=2.4,
+                columnspacing=1.5, borderaxespad=0.3)
 
 
 def TimeUnit(seconds):
@@ -1027,7 +1027,8 @@ def FinishPanels(axes):
 
 def CurvesFigure(arguments):
   """Thin: the residual, its least and largest values in each part of the run.
-  Bold: the least residual so far. The dot is where a run ended."""
+  Bold: the least residual so far. A dot is where a run got to the first level, a
+  cross where it ended without."""
   path = arguments.table
   table = ReadTable(path, ("case", "seed", "solver", "iteration", "cpu_seconds",
                            "residual", "max_gradient"), words=("case", "solver"))
@@ -1075,9 +1076,13 @@ def CurvesFigure(arguments):
         ax.plot(x, values, color=colour, linewidth=0.6, alpha=0.45, zorder=2)
         ax.plot(x, np.minimum.accumulate(values), color=colour, linestyle=dashes,
                 linewidth=1.9, zorder=3)
-        ax.plot(x[-1:], np.minimum.accumulate(values)[-1:], "o", color=colour,
-                markersize=7, zorder=4, clip_on=False)
-      WorkAxis(ax, first, ends.max(initial=1.0) * factor, log)
+        least = values.min()
+        failed = any(kind == absolute and value is not None and least > value
+                     for kind, value in levels[:1])
+        ax.plot(x[-1:], [least], "X" if failed else "o", color=colour,
+                markeredgecolor=INK if failed else colour, clip_on=False,
+                markersize=10 if failed else 7, zorder=5 if failed else 4)
+      WorkAxis(ax, first, ends.max() * factor if len(ends) else 1.0, log)
       LevelLines(ax, levels, absolute)
       ax.set_xlabel(label)
     axes[row, 0].set_ylabel(ResidualLabel(absolute))
@@ -1086,6 +1091,8 @@ def CurvesFigure(arguments):
         loc="left", pad=7)
   FinishPanels(axes)
   figure.align_ylabels(axes[:, 0])
+  axes[0, 1].set_title("bold: least so far; thin: as it comes", loc="right", pad=7,
+                       fontsize=11, color=GREY)
   MethodLegend(figure, styles)
   return figure
 
@@ -1140,6 +1147,12 @@ def WorkFigure(arguments):
         curves.append((method, np.array([point[0] for point in curve]),
                        np.array([point[1] for point in curve]),
                        np.array([point[2] for point in curve])))
+    # What all have reached at the start says nothing, but for the last of it.
+    began = [level for level in curves[0][1] if all(
+        (curve[2][curve[1] == level, 1] <= 1).any() for curve in curves)] if curves else []
+    curves = [(method, *(part[values <= min(began, default=np.inf)]
+                         for part in (values, *work)))
+              for method, values, *work in curves]
     shown = np.concatenate([np.array([])] + [curve[1] for curve in curves])
     low, high = Span(shown)
     ax = axes[row, 0]
@@ -1170,6 +1183,8 @@ def WorkFigure(arguments):
     axes[row, 0].set_title(CaseTitle(name), loc="left", pad=7)
   FinishPanels(axes)
   figure.align_ylabels(axes[:, 0])
+  axes[0, 1].set_title("medians; bands: 20 to 80 % of the runs", loc="right", pad=7,
+                       fontsize=11, color=GREY)
   MethodLegend(figure, styles, markers=True)
   return figure
 
@@ -1193,55 +1208,56 @@ def DistancesFigure(arguments):
   styles = MethodStyles(Unique(solver[chosen]))
   figure, axes = plt.subplots(
       1, 2, figsize=(11.0, 5.2),
-      gridspec_kw=dict(left=0.085, right=0.98, top=0.86, bottom=0.135, wspace=0.2))
+      gridspec_kw=dict(left=0.085, right=0.98, top=0.92, bottom=0.135, wspace=0.2))
   x_low, x_high = Span(table["distance"][chosen])
   for column, ax in enumerate(axes):
     name = ("iterations", "cpu_seconds")[column]
     spent = table[("spent_iterations", "spent_seconds")[column]]
     finite = [table[key][chosen] for key in (name, name + "_q20", name + "_q80")]
     finite = np.concatenate(finite + [spent[chosen]])
-    finite = finite[np.isfinite(finite) & (finite > 0)]
-    low, high = Span(finite)
+    low, high = Span(finite[np.isfinite(finite) & (finite > 0)])
     handles = []
-    for method, (colour, dashes, marker) in styles.items():
+    for k, (method, (colour, dashes, marker)) in enumerate(styles.items()):
       here = chosen & (solver == method)
-      x, y = table["distance"][here], table[name][here]
+      y = table[name][here]
+      # Side by side.
+      x = table["distance"][here] * 10**(0.05 * (k - (len(styles) - 1) / 2))
       good = np.isfinite(y) & (y > 0)
-      label = method.replace("$", r"\$")
-      bars = np.abs([y - table[name + "_q20"][here], table[name + "_q80"][here] - y])
-      bars[~np.isfinite(bars)] = 0
+      low_bar, high_bar = table[name + "_q20"][here], table[name + "_q80"][here]
+      bars = np.abs([y - low_bar, np.minimum(high_bar, 10**(high + 1)) - y])
       ax.errorbar(x[good], y[good], yerr=bars[:, good], color=colour, linestyle="",
                   marker=marker, markersize=6.5, capsize=3, linewidth=1.2, zorder=4)
       # Never got there: open, at what had been spent.
       ax.plot(x[~good], spent[here][~good], color=colour, linestyle="", marker=marker,
               markersize=8, markerfacecolor="white", zorder=4)
-      if good.sum() > 2:
-        u, v = np.log(x[good]), np.log(y[good])
-        slope, offset = np.polyfit(u, v, 1)
-        rest = v - slope * u - offset
-        error = math.sqrt(np.sum(rest**2) / (len(u) - 2) / np.sum((u - u.mean())**2))
-        ends = np.array([x[good].min(), x[good].max()])
-        ax.plot(ends, np.exp(offset) * ends**slope, color=colour, linestyle=dashes,
-                linewidth=1.4, zorder=3)
-        label += r"  $\propto \Delta\phi^{%.2f \pm %.2f}$" % (slope, error)
+      if good.sum() < 3:
+        continue
+      u, v = np.log(table["distance"][here][good]), np.log(y[good])
+      slope, offset = np.polyfit(u, v, 1)
+      rest = v - slope * u - offset
+      error = math.sqrt(np.sum(rest**2) / (len(u) - 2) / np.sum((u - u.mean())**2))
+      ends = np.array([u.min(), u.max()])
+      ax.plot(np.exp(ends), np.exp(offset + slope * ends), color=colour,
+              linestyle=dashes, linewidth=1.4, zorder=3)
       handles.append(Line2D([], [], color=colour, linestyle=dashes, marker=marker,
-                            markersize=6.5, linewidth=1.4, label=label))
+                            markersize=6.5, linewidth=1.4,
+                            label=r"$\Delta\phi^{\,%.2f \pm %.2f}$" % (slope, error)))
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_xlim(10**x_low, 10**x_high)
-    ax.set_ylim(10**low, 10**high)
+    ax.set_ylim(10**low, 10**(high + 0.035 * len(handles) * (high - low)))
     Decades(ax.xaxis, x_low, x_high)
-    Decades(ax.yaxis, low, high)
+    Decades(ax.yaxis, *np.log10(ax.get_ylim()))
     ax.set_xlabel(r"distance to jamming  $\Delta\phi = \phi - \phi_J$")
     ax.set_ylabel(("iterations", "CPU time / s")[column])
-    ax.legend(handles=handles, loc="lower left", bbox_to_anchor=(-0.02, 1.0),
-              fontsize=11.5, borderaxespad=0.2, handlelength=2.2)
-  lines = len(styles)
-  width, height = figure.get_size_inches()
-  taller = height + 0.26 * (lines - 2)
-  figure.set_size_inches(width, taller)
-  figure.subplots_adjust(top=1 - (0.2 + 0.27 * lines) / taller, bottom=0.7 / taller)
+    if handles:
+      legend = ax.legend(handles=handles, loc="upper right", fontsize=12.5,
+                         title="least squares of logarithms, all points",
+                         handlelength=2.4)
+      legend.get_title().set_fontsize(11)
+      legend.get_title().set_color(GREY)
   FinishPanels(axes)
+  MethodLegend(figure, styles, markers=True)
   return figure
 
 

@@ -226,7 +226,7 @@ bool Preparation::FindPhiJ(std::uint64_t seed,
   options.energy = scene_.energy;
   options.solve = Options(1e-8);
   options.solve.vanishing_tolerance = 1e-3 * options.accuracy;
-  options.error_bar = error_bar;
+  options.error_bar = std::min(error_bar, options.accuracy);
   const auto observer = [this](const JammingStep& step) {
     stage_ = Format("phi_J, %s, phi = %.10f, p = %.1e",
                     JammingStageName(step.stage),
