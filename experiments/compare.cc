@@ -127,7 +127,9 @@ void AddPictures(int cases, std::vector<std::string>* names) {
 }
 
 // `data`: the folder of the raw files; figures go to the folder of `output`.
-void Draw(const Setup& setup, const std::string& data, Output* output) {
+void Draw(const ComparisonSetup& setup,
+          const std::string& data,
+          Output* output) {
   std::vector<std::string> levels;
   for (const Level& level : setup.levels) {
     levels.push_back(
@@ -166,20 +168,31 @@ void Draw(const Setup& setup, const std::string& data, Output* output) {
   }
 }
 
-// Tables and figures from the raw files in `data`; prints the tables.
-std::vector<Table> Report(const Setup& setup,
-                          const std::string& data,
-                          Output* output) {
-  std::string text, error;
+struct Raw {
   std::vector<Event> events;
   std::vector<RunRecord> runs;
+};
+
+Raw ReadRaw(const std::string& data) {
+  Raw raw;
+  std::string text, error;
   if (!ReadFile(data + "/events.csv", &text, &error) ||
-      !ParseEvents(text, data + "/events.csv", &events, &error) ||
+      !ParseEvents(text, data + "/events.csv", &raw.events, &error) ||
       !ReadFile(data + "/runs.csv", &text, &error) ||
-      !ParseRuns(text, data + "/runs.csv", &runs, &error)) {
+      !ParseRuns(text, data + "/runs.csv", &raw.runs, &error)) {
     BadInput(error);
   }
-  const std::vector<Table> tables = Tabulate(setup, events, runs);
+  return raw;
+}
+
+// Tables and figures from the raw files in `data`, as they were read; prints
+// the tables.
+std::vector<Table> Report(const ComparisonSetup& setup,
+                          const std::string& data,
+                          const Raw& raw,
+                          Output* output) {
+  const std::vector<RunRecord>& runs = raw.runs;
+  const std::vector<Table> tables = Tabulate(setup, raw.events, runs);
   output->Write("tables.csv", TablesCsv(tables));
   output->Write("tables.md", TablesText(setup, tables, runs, true));
   std::fputs(TablesText(setup, tables, runs, false).c_str(), stdout);
@@ -200,7 +213,7 @@ bool GivenLevel(Level* level) {
   return IsGiven("tolerance");
 }
 
-void SetBaseline(Setup* setup) {
+void SetBaseline(ComparisonSetup* setup) {
   if (!IsGiven("baseline")) {
     if (setup->baseline.empty()) setup->baseline = setup->methods[0].label;
     return;
@@ -242,7 +255,7 @@ int Replot() {
   }
   std::string data = FLAGS_replot, text, error;
   while (data.size() > 1 && data.back() == '/') data.pop_back();
-  Setup setup;
+  ComparisonSetup setup;
   if (!ReadFile(data + "/setup.json", &text, &error) ||
       !ParseSetup(text, data + "/setup.json", &setup, &error)) {
     BadInput("--replot: " + error);
@@ -263,15 +276,13 @@ int Replot() {
     setup.levels = {level};
   }
   SetBaseline(&setup);
-  for (const char* name : {"/events.csv", "/runs.csv"}) {
-    if (!ReadFile(data + name, &text, &error)) BadInput("--replot: " + error);
-  }
+  const Raw raw = ReadRaw(data);
   std::vector<std::string> names = {"tables.csv", "tables.md"};
   AddPictures(kMostCases, &names);
   Output output;
   output.Create(IsGiven("out") ? FLAGS_out : data, names);
   std::printf("compare   tables and figures of %s again\n", data.c_str());
-  Report(setup, data, &output);
+  Report(setup, data, raw, &output);
   output.PrintFiles();
   return kConverged;
 }
@@ -299,7 +310,8 @@ Load LoadOf(const Case& c) {
 }
 
 // The seeds of a case: with an input only random displacements depend on one.
-std::vector<std::uint64_t> SeedsOf(const Setup& setup, const Case& c) {
+std::vector<std::uint64_t> SeedsOf(const ComparisonSetup& setup,
+                                   const Case& c) {
   if (FLAGS_input.empty() || c.kind == "random") return setup.seeds;
   return {setup.seeds[0]};
 }
@@ -328,7 +340,7 @@ void RunOne(const RunKey& key,
             const Start& start,
             const ContactEnergyOptions& law,
             const Solver& solver,
-            const Setup& setup,
+            const ComparisonSetup& setup,
             const std::function<void(const IterationState&)>& show,
             Records* records) {
   const double unit = ForceUnit(start.packing, law);
@@ -458,7 +470,7 @@ void RunOne(const RunKey& key,
 
 // All that the flags ask for, checked.
 struct Plan {
-  Setup setup;
+  ComparisonSetup setup;
   std::vector<std::unique_ptr<Solver>> solvers;  // as setup.methods
   std::unique_ptr<Solver> prepare;
   std::vector<double> distances;
@@ -470,7 +482,7 @@ struct Plan {
 };
 
 void AddAssumptions(Plan* plan) {
-  Setup& setup = plan->setup;
+  ComparisonSetup& setup = plan->setup;
   auto& rows = setup.assumptions;
   const double alpha = plan->scene.energy.alpha;
   rows.emplace_back("exponent alpha",
@@ -528,7 +540,7 @@ void AddAssumptions(Plan* plan) {
 }
 
 void ApplyPreset(Plan* plan) {
-  Setup& setup = plan->setup;
+  ComparisonSetup& setup = plan->setup;
   setup.paper = FLAGS_paper;
   if (!FLAGS_paper.empty()) {
     const bool table1 = FLAGS_paper == "table1";
@@ -561,7 +573,7 @@ void ApplyPreset(Plan* plan) {
 
 Plan MakePlan() {
   Plan plan;
-  Setup& setup = plan.setup;
+  ComparisonSetup& setup = plan.setup;
   std::string error;
   const auto require = [&error](bool good, const char* flag) {
     if (!good) BadInput(std::string("--") + flag + ": " + error);
@@ -648,7 +660,7 @@ Plan MakePlan() {
 }
 
 void PrintPlan(const Plan& plan) {
-  const Setup& setup = plan.setup;
+  const ComparisonSetup& setup = plan.setup;
   std::printf("compare   %s\n", setup.what.c_str());
   std::size_t width = 0;
   for (const Method& method : setup.methods) {
@@ -777,7 +789,7 @@ void RunAll(const Plan& plan,
             const Starts& starts,
             Output* output,
             Records* records) {
-  const Setup& setup = plan.setup;
+  const ComparisonSetup& setup = plan.setup;
   Progress progress;
   Estimate estimate(plan);
   const double began = WallSeconds();
@@ -923,7 +935,7 @@ int Main() {
   Records records;
   RunAll(plan, starts, &output, &records);
   const std::vector<Table> tables =
-      Report(plan.setup, output.folder(), &output);
+      Report(plan.setup, output.folder(), ReadRaw(output.folder()), &output);
   output.WriteJson("summary.json",
                    SummaryJson(plan, preparation, records, tables));
   output.PrintFiles();

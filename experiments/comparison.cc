@@ -375,7 +375,7 @@ std::string Numbers(const std::set<int>& numbers) {
 }
 
 // What a reader must know about the runs of a case beyond its tables.
-std::vector<std::string> Notes(const Setup& setup,
+std::vector<std::string> Notes(const ComparisonSetup& setup,
                                const Case& c,
                                const std::vector<RunRecord>& runs) {
   std::vector<std::string> notes;
@@ -647,7 +647,7 @@ std::vector<Level> Ladder(const std::vector<Level>& more) {
   return ladder;
 }
 
-std::string FormatSetup(const Setup& setup) {
+std::string FormatSetup(const ComparisonSetup& setup) {
   Json json;
   json["schema"] = "granopt/compare-setup/1";
   json["paper"] = setup.paper;
@@ -680,11 +680,11 @@ std::string FormatSetup(const Setup& setup) {
 
 bool ParseSetup(const std::string& text,
                 const std::string& name,
-                Setup* setup,
+                ComparisonSetup* setup,
                 std::string* error) {
   try {
     const Json json = Json::parse(text);
-    Setup result;
+    ComparisonSetup result;
     result.paper = json.at("paper").get<std::string>();
     result.what = json.at("what").get<std::string>();
     for (const Json& c : json.at("cases")) {
@@ -1008,7 +1008,7 @@ const PaperEntry* PaperTable1(const std::string& kind,
   return nullptr;
 }
 
-std::vector<Table> Tabulate(const Setup& setup,
+std::vector<Table> Tabulate(const ComparisonSetup& setup,
                             const std::vector<Event>& events,
                             const std::vector<RunRecord>& runs) {
   using Place = std::tuple<std::string, std::string, std::uint64_t, int>;
@@ -1157,7 +1157,7 @@ std::string TablesCsv(const std::vector<Table>& tables) {
   return csv;
 }
 
-std::string TablesText(const Setup& setup,
+std::string TablesText(const ComparisonSetup& setup,
                        const std::vector<Table>& tables,
                        const std::vector<RunRecord>& runs,
                        bool markdown) {

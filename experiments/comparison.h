@@ -4,7 +4,7 @@
 // While a method runs, the first crossing of each level of a ladder of
 // residuals is written down as an Event with the work done until then; each run
 // ends as a RunRecord. Everything that is reported is computed from those two
-// files and a Setup, so that it can be computed again.
+// files and a ComparisonSetup, so that it can be computed again.
 
 #ifndef GRANOPT_EXPERIMENTS_COMPARISON_H_
 #define GRANOPT_EXPERIMENTS_COMPARISON_H_
@@ -82,7 +82,7 @@ struct Level {
 std::vector<Level> Ladder(const std::vector<Level>& more);
 
 // What a comparison consists of; kept beside the events.
-struct Setup {
+struct ComparisonSetup {
   std::string paper;  // "", "table1" or "fig2"
   std::string what;   // "4096 discs, phi = 0.8438, alpha = 2"
   std::vector<Case> cases;
@@ -95,10 +95,10 @@ struct Setup {
   // What the paper leaves open, and what was assumed.
   std::vector<std::pair<std::string, std::string>> assumptions;
 };
-std::string FormatSetup(const Setup& setup);
+std::string FormatSetup(const ComparisonSetup& setup);
 bool ParseSetup(const std::string& text,
                 const std::string& name,
-                Setup* setup,
+                ComparisonSetup* setup,
                 std::string* error);
 
 // ---------------------------------------------------------------- raw events
@@ -291,13 +291,13 @@ struct Table {
 };
 
 // Every case at every level of the setup; rows in the order of the methods.
-std::vector<Table> Tabulate(const Setup& setup,
+std::vector<Table> Tabulate(const ComparisonSetup& setup,
                             const std::vector<Event>& events,
                             const std::vector<RunRecord>& runs);
 
 std::string TablesCsv(const std::vector<Table>& tables);
 // For the terminal, or as Markdown.
-std::string TablesText(const Setup& setup,
+std::string TablesText(const ComparisonSetup& setup,
                        const std::vector<Table>& tables,
                        const std::vector<RunRecord>& runs,
                        bool markdown);
