@@ -5,8 +5,14 @@
 #include <limits>
 #include <utility>
 
+#include "granular/network_preconditioner.h"
+
 namespace granopt {
 namespace {
+
+// Here, since whoever links an energy may name its preconditioners.
+[[maybe_unused]] const bool registered =
+    (RegisterNetworkPreconditioners(), true);
 
 // Recentre when a grain has moved by more than this many mean overlaps from the
 // reference. Near jamming the error of a gap is then still below 1e-14 mean
@@ -271,8 +277,9 @@ bool ContactEnergy::HessianTimes(const double* u,
   return true;
 }
 
-bool ContactEnergy::EvaluateHessian(const double* u,
-                                    SparseMatrix* hessian) const {
+bool ContactEnergy::EvaluateStiffness(const double* u,
+                                      double prestress,
+                                      SparseMatrix* hessian) const {
   if (!Prepare(u)) return false;
   const int d = dimension_;
   const int n = NumParameters();
@@ -314,6 +321,7 @@ bool ContactEnergy::EvaluateHessian(const double* u,
   std::fill(hessian->valuePtr(), hessian->valuePtr() + column_start[n], 0.0);
   kernel_->AddHessian(View(),
                       workspace_.data(),
+                      prestress,
                       block_rank.data(),
                       column_start.data(),
                       hessian->valuePtr());

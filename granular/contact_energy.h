@@ -74,7 +74,14 @@ class ContactEnergy : public UnilateralFunction {
   bool Rebase(double* u) override;
 
   // SecondOrderFunction. The pattern holds every pair of the neighbour list.
-  bool EvaluateHessian(const double* u, SparseMatrix* hessian) const override;
+  bool EvaluateHessian(const double* u, SparseMatrix* hessian) const override {
+    return EvaluateStiffness(u, 1.0, hessian);
+  }
+  // The Hessian with its second part, the pre-stress of (9), times `prestress`:
+  // 0 leaves the stiffness of the contacts, which is positive semidefinite.
+  bool EvaluateStiffness(const double* u,
+                         double prestress,
+                         SparseMatrix* hessian) const;
   std::int64_t PatternVersion() const override { return list_version_; }
   int BlockSize() const override { return dimension_; }
   bool HessianTimes(const double* u,

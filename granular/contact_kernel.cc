@@ -38,6 +38,7 @@ class Kernel final : public ContactKernel {
 
   void AddHessian(const PairView& pairs,
                   const double* w,
+                  double prestress,
                   const int* rank,
                   const int* column_start,
                   double* values) const override {
@@ -47,7 +48,7 @@ class Kernel final : public ContactKernel {
         if (j == i) continue;  // an image moves with its grain
         const PairState state = State(pairs, w, i, p);
         if (!(state.delta > 0.0) || state.distance == 0.0) continue;
-        const double tangential = state.force / state.distance;
+        const double tangential = prestress * (state.force / state.distance);
         const double normal = state.stiffness + tangential;
         for (int c = 0; c < D; ++c) {
           double* diagonal_i = values + column_start[D * i + c];

@@ -69,8 +69,8 @@ class ContactKernel {
                       const double* w,
                       PairState* states) const = 0;
 
-  // Adds, for each pair, the d x d block (9)
-  //   K = f' n (x) n - (f / l) (1 - n (x) n)
+  // Adds, for each pair, the d x d block (9), for prestress = 1,
+  //   K = f' n (x) n - prestress (f / l) (1 - n (x) n)
   // to the lower triangle of a column-compressed matrix with one block row and
   // column a grain: K to the diagonal blocks of i and j, -K to block (j, i).
   // `rank[p]` is the place of pair p's block below the diagonal of its column,
@@ -78,6 +78,7 @@ class ContactKernel {
   // before.
   virtual void AddHessian(const PairView& pairs,
                           const double* w,
+                          double prestress,
                           const int* rank,
                           const int* column_start,
                           double* values) const = 0;

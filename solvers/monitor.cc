@@ -94,7 +94,8 @@ std::string Summary::FullReport() const {
       static_cast<long long>(counters.hessians),
       static_cast<long long>(counters.factorizations));
   report += Format(
-      "  time           %.3g s, %.0f %% of it in the function, %.0f %% in linear "
+      "  time           %.3g s, %.0f %% of it in the function, %.0f %% in "
+      "linear "
       "algebra\n",
       seconds,
       seconds > 0 ? 100.0 * function_seconds / seconds : 0.0,
@@ -210,6 +211,12 @@ bool Monitor::Accept(const double* x,
   last_max_gradient_ = max_gradient;
   last_max_x_ = MaxNorm(x, n_);
   last_scales_ = scales;
+  if (!(scales.gradient > 0.0 && scales.length > 0.0)) {
+    double square = 0.0;
+    for (int i = 0; i < n_; ++i) square += gradient[i] * gradient[i];
+    const double unit = std::abs(cost) / square;
+    last_step_unit_ = unit > 0.0 && std::isfinite(unit) ? unit : 1.0;
+  }
   if (!started_) initial_cost_ = cost;
   if (!started_ || IsBetter(cost, max_gradient)) {
     std::copy(x, x + n_, best_x_.begin());
@@ -312,6 +319,12 @@ void Monitor::FailEvaluation() {
   Stop(StopReason::EVALUATION_FAILED,
        not_finite_.empty() ? "the function could not be evaluated"
                            : not_finite_);
+}
+
+double Monitor::StepUnit() const {
+  const Scales& s = last_scales_;
+  return s.gradient > 0.0 && s.length > 0.0 ? s.length / s.gradient
+                                            : last_step_unit_;
 }
 
 void Monitor::Stop(StopReason reason, std::string message) {

@@ -75,7 +75,9 @@ class Monitor {
    public:
     explicit LinearTimer(Monitor* monitor)
         : monitor_(monitor), start_(monitor->Seconds()) {}
-    ~LinearTimer() { monitor_->linear_seconds_ += monitor_->Seconds() - start_; }
+    ~LinearTimer() {
+      monitor_->linear_seconds_ += monitor_->Seconds() - start_;
+    }
     LinearTimer(const LinearTimer&) = delete;
     LinearTimer& operator=(const LinearTimer&) = delete;
 
@@ -98,6 +100,11 @@ class Monitor {
   // max|g| at the last accepted iterate and the bound that it must reach.
   double max_gradient() const { return last_max_gradient_; }
   double Tolerance(const Scales& scales) const;
+  // Scales::length / Scales::gradient at the last accepted iterate: times a
+  // gradient it is a step over which that gradient changes by its own size.
+  // Where the function states no scales, cost / |g|^2, the step to a zero of
+  // the linear model, as long as the cost is not zero.
+  double StepUnit() const;
 
   // Writes the best point to x and returns the summary.
   Summary Finish(double* x);
@@ -131,6 +138,7 @@ class Monitor {
   std::vector<double> scratch_;
 
   double last_max_gradient_ = 0.0;
+  double last_step_unit_ = 1.0;  // where the function states no scales
   double last_max_x_ = 0.0;
   bool can_rebase_ = true;
   Scales last_scales_;

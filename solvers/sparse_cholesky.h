@@ -34,6 +34,7 @@ class SparseCholesky {
   void Solve(const double* b, double* x);
 
   // Symbolic analyses so far, and entries of the last factor.
+  int size() const { return size_; }
   std::int64_t num_analyses() const { return num_analyses_; }
   std::int64_t num_nonzeros() const { return num_nonzeros_; }
 

@@ -50,7 +50,7 @@ TEST(ContactEnergy, TwoDiscsHaveTheClosedFormEnergyAndForce) {
     EXPECT_DOUBLE_EQ(e.gradient[2], 0.6 * force);
     EXPECT_DOUBLE_EQ(e.gradient[3], 0.8 * force);
     EXPECT_DOUBLE_EQ(e.scales.gradient, force);
-    EXPECT_DOUBLE_EQ(e.scales.length, 0.125);
+    EXPECT_DOUBLE_EQ(e.scales.length, 0.125 / (alpha - 1.0));
 
     const std::vector<Contact> contacts =
         energy->Contacts(Zero(*energy).data());
@@ -118,7 +118,7 @@ TEST(ContactEnergy, ThreeInARowPushTheEndsOutAndTheMiddleByTheDifference) {
     EXPECT_EQ(e.gradient[3], 0.0);
     EXPECT_EQ(e.gradient[5], 0.0);
     EXPECT_DOUBLE_EQ(e.scales.gradient, 0.5 * (left + right));
-    EXPECT_DOUBLE_EQ(e.scales.length, 0.1875);
+    EXPECT_DOUBLE_EQ(e.scales.length, 0.1875 / (alpha - 1.0));
   }
 }
 
@@ -822,7 +822,8 @@ TEST(ContactEnergy, RecenterChangesTheLastDigitsOnly) {
   for (const double alpha : {2.0, 2.5, 3.3}) {
     const auto energy = MakeEnergy(packing, alpha);
     const int n = energy->NumParameters();
-    const double overlap = Evaluate(*energy).scales.length;
+    const double overlap =
+        (alpha - 1.0) * Evaluate(*energy).scales.length;
     // A transverse wave: neighbours move by a few overlaps with respect to each
     // other, grains by `amplitude` overlaps.
     const auto wave = [&](double amplitude) {
@@ -842,7 +843,7 @@ TEST(ContactEnergy, RecenterChangesTheLastDigitsOnly) {
 
     u = wave(40.0);
     e = Evaluate(*energy, u);
-    ASSERT_GT(40.0 * overlap, 10.0 * e.scales.length);
+    ASSERT_GT(40.0 * overlap, 10.0 * (alpha - 1.0) * e.scales.length);
     const std::vector<double> kept = u;
     EXPECT_TRUE(energy->Recenter(u.data()));
     EXPECT_EQ(u, kept);
@@ -1041,7 +1042,7 @@ TEST(ContactEnergy, OtherUnitsScaleOtherPowerLawsToTwelveDigits) {
   }
 }
 
-TEST(ContactEnergy, ScalesAreTheMeanForceTheMeanOverlapAndTheReducedPressure) {
+TEST(ContactEnergy, ScalesAreTheMeanForceItsLengthAndTheReducedPressure) {
   for (const int d : {2, 3}) {
     for (const double alpha : {2.0, 2.5, 3.3}) {
       const Packing packing = RandomPacking(d, 60, 0.8, 26);
@@ -1053,7 +1054,8 @@ TEST(ContactEnergy, ScalesAreTheMeanForceTheMeanOverlapAndTheReducedPressure) {
       const Observables o =
           Measure(packing, energy->Contacts(Zero(*energy).data()), e.energy);
       EXPECT_NEAR(e.scales.gradient / o.mean_force, 1.0, 1e-14);
-      EXPECT_NEAR(e.scales.length / o.mean_overlap, 1.0, 1e-14);
+      EXPECT_NEAR(
+          (alpha - 1.0) * e.scales.length / o.mean_overlap, 1.0, 1e-14);
       const double reduced =
           o.pressure / (2.5 * std::pow(packing.MeanRadius(), alpha - d));
       const double expected = std::max(std::pow(reduced, 1.0 / (alpha - 1.0)),
@@ -1352,7 +1354,7 @@ TEST(ContactEnergy, CoincidentGrainsHaveEnergyButNoForce) {
         ASSERT_TRUE(e.ok);
         EXPECT_DOUBLE_EQ(e.energy, expected);
         EXPECT_EQ(e.gradient, std::vector<double>(2 * d, 0.0));
-        EXPECT_DOUBLE_EQ(e.scales.length, 1.25);
+        EXPECT_DOUBLE_EQ(e.scales.length, 1.25 / (alpha - 1.0));
         SparseMatrix hessian;
         ASSERT_TRUE(energy->EvaluateHessian(u.data(), &hessian));
         EXPECT_EQ(hessian.norm(), 0.0);

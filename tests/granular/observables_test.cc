@@ -108,7 +108,7 @@ TEST(Observables, ResidualAndMeansAreThoseOfTheGradient) {
     EXPECT_NEAR(
         o.relative_residual * o.mean_force / o.max_residual, 1.0, 1e-14);
     EXPECT_NEAR(o.mean_force / e.scales.gradient, 1.0, 1e-14);
-    EXPECT_NEAR(o.mean_overlap / e.scales.length, 1.0, 1e-14);
+    EXPECT_NEAR(o.mean_overlap / (1.5 * e.scales.length), 1.0, 1e-14);
     EXPECT_EQ(o.energy, e.energy);
   }
 }

@@ -1,0 +1,122 @@
+#include "solvers/line_search.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace granopt {
+namespace {
+
+// A difference of two values below this part of them has lost half its digits.
+constexpr double kLostDifference = 1e-8;
+// Without an upper end a trial goes on by a factor between these.
+constexpr double kMinExpansion = 1.5;
+constexpr double kMaxExpansion = 10.0;
+// Trials stay this part of the interval away from its ends.
+constexpr double kMargin = 0.05;
+// The interval is resolved when it is shorter than this part of its upper end.
+constexpr double kResolution = 1e-14;
+
+}  // namespace
+
+double LineChange(const LinePoint& start, const LinePoint& p) {
+  const double change = p.value - start.value;
+  const double lost = kLostDifference * std::abs(start.value);
+  if (std::abs(change) > lost) return change;
+  const double rule = 0.5 * (p.step - start.step) * (start.slope + p.slope);
+  // A rule that is not small itself: the values agree, but not because the
+  // points are near.
+  return std::abs(rule) <= 2.0 * lost ? rule : change;
+}
+
+LineSearchResult SearchLine(const LineFunction& evaluate,
+                            const LinePoint& start,
+                            double first_step,
+                            const LineSearchOptions& options) {
+  LineSearchResult result;
+  result.point = start;
+  LinePoint low = start;     // the lower end
+  LinePoint before = start;  // the lower end before that
+  LinePoint high;            // the upper end, if has_high
+  bool has_high = false;
+  bool high_is_finite = false;
+  bool low_is_last = false;
+  double width_before = 0.0;  // of the interval two trials ago
+  double width = 0.0;         // of the interval one trial ago
+  double step = first_step;
+
+  for (int trial = 0; trial < options.max_trials; ++trial) {
+    LinePoint p;
+    const LineEvaluation outcome = evaluate(step, &p);
+    if (outcome == LineEvaluation::STOP) {
+      result.end = LineSearchEnd::STOPPED;
+      result.point = low;
+      result.is_last = false;
+      return result;
+    }
+    low_is_last = false;
+    if (outcome == LineEvaluation::NOT_FINITE) {
+      high = LinePoint{step, 0.0, 0.0};
+      has_high = true;
+      high_is_finite = false;
+    } else {
+      const bool decreases = LineChange(start, p) <=
+                             options.sufficient_decrease * step * start.slope;
+      if (decreases &&
+          std::abs(p.slope) <= options.curvature * std::abs(start.slope)) {
+        result.end = LineSearchEnd::WOLFE;
+        result.point = p;
+        result.is_last = true;
+        return result;
+      }
+      if (!decreases || p.slope > 0.0) {
+        high = p;
+        has_high = true;
+        high_is_finite = true;
+        // A point that slopes up and still has decrease is worth keeping: if
+        // the search ends early it is the better end.
+        if (decreases && LineChange(low, p) < 0.0) result.point = p;
+      } else {
+        before = low;
+        low = p;
+        low_is_last = true;
+        result.point = p;
+      }
+    }
+
+    if (!has_high) {
+      // The zero of the slope by the secant through the last two points.
+      const double bend = low.slope - before.slope;
+      const double span = low.step - before.step;
+      double next = kMaxExpansion * low.step;
+      if (bend > 0.0) next = low.step - low.slope * (span / bend);
+      step =
+          std::clamp(next, kMinExpansion * low.step, kMaxExpansion * low.step);
+      if (!std::isfinite(step)) break;
+      continue;
+    }
+    const double now = high.step - low.step;
+    if (!(now > kResolution * high.step)) break;
+    double part = 0.5;
+    if (!high_is_finite) {
+      part = 0.1;
+    } else if (width_before > 0.0 && now > 0.5 * width_before) {
+      part = 0.5;
+    } else if (high.slope > 0.0) {
+      part = low.slope / (low.slope - high.slope);
+    } else {
+      // The value is too high though the slope is not: the minimum of the
+      // parabola through both values and the lower slope.
+      const double excess = LineChange(low, high) - low.slope * now;
+      part = excess > 0.0 ? -0.5 * low.slope * now / excess : 0.5;
+    }
+    step = low.step + std::clamp(part, kMargin, 1.0 - kMargin) * now;
+    width_before = width;
+    width = now;
+  }
+  result.end = result.point.step > 0.0 ? LineSearchEnd::DECREASE
+                                       : LineSearchEnd::NO_STEP;
+  result.is_last = low_is_last && result.point.step == low.step;
+  return result;
+}
+
+}  // namespace granopt

@@ -1,0 +1,156 @@
+// Limited-memory BFGS (Algorithm 2 of Wang & Zhang), preconditioned by (16).
+//
+// Deviations: the boxed step of Algorithm 2 needs P^-1 q with
+// q = g - sum a_i y_i. Here it is z - sum a_i w_i with z = P^-1 g and stored
+// w_i = P^-1 y_i = z_{i+1} - z_i, so that an iteration costs one solve whatever
+// the scaling; when P changes, the w_i are made anew. scaling=gamma multiplies
+// P^-1 by s^T y / y^T w of the last pair, which for P = 1 is the paper's own
+// choice of B_0; scaling=paper is (16) as printed. The first direction without
+// a preconditioner is a steepest descent of the function's own length (the
+// paper does not say).
+
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "Eigen/Core"
+#include "solvers/line_search_method.h"
+#include "solvers/registry.h"
+
+namespace granopt {
+namespace {
+
+using Eigen::VectorXd;
+using ConstMap = Eigen::Map<const VectorXd>;
+
+// s^T y must exceed this part of |s| |y|, else the pair says nothing.
+constexpr double kLeastCurvature = 1e-12;
+
+class LbfgsRule : public DirectionRule {
+ public:
+  LbfgsRule(int n, int memory, bool preconditioned, bool rescales)
+      : n_(n),
+        memory_(memory),
+        preconditioned_(preconditioned),
+        rescales_(rescales || !preconditioned),
+        pairs_(memory) {
+    for (Pair& pair : pairs_) {
+      pair.s.resize(n);
+      pair.y.resize(n);
+      if (preconditioned) pair.w.resize(n);
+    }
+  }
+
+  double Direction(const double* g,
+                   const double* z,
+                   double unit,
+                   double* d) override {
+    Eigen::Map<VectorXd> r(d, n_);
+    r = ConstMap(z, n_);
+    if (count_ == 0) {
+      r *= -unit;
+      return 1.0;
+    }
+    // s_i^T q for q = g - sum a_j y_j, the first loop.
+    q_ = ConstMap(g, n_);
+    for (int k = 1; k <= count_; ++k) {
+      Pair& pair = Newest(k);
+      pair.a = pair.s.dot(q_) / pair.sy;
+      q_ -= pair.a * pair.y;
+      if (preconditioned_) r -= pair.a * pair.w;
+    }
+    if (!preconditioned_) r = q_;
+    const Pair& last = Newest(1);
+    if (rescales_) r *= last.sy / last.yw;
+    for (int k = count_; k >= 1; --k) {
+      const Pair& pair = Newest(k);
+      const double b = pair.y.dot(r) / pair.sy;
+      r += (pair.a - b) * pair.s;
+    }
+    r = -r;
+    return 1.0;
+  }
+
+  void Taken(const Step& step) override {
+    Pair& pair = pairs_[next_];
+    pair.s = ConstMap(step.s, n_);
+    pair.y = ConstMap(step.g_new, n_) - ConstMap(step.g, n_);
+    if (preconditioned_) {
+      pair.w = ConstMap(step.z_new, n_) - ConstMap(step.z, n_);
+    }
+    pair.sy = pair.s.dot(pair.y);
+    const double yy = pair.y.squaredNorm();
+    pair.yw = preconditioned_ ? pair.y.dot(pair.w) : yy;
+    // Squared, so that no square root spoils the invariance of units.
+    const double ss = pair.s.squaredNorm();
+    if (!(pair.sy > 0.0 && pair.yw > 0.0) ||
+        !(pair.sy / ss * (pair.sy / yy) > kLeastCurvature * kLeastCurvature)) {
+      return;
+    }
+    next_ = (next_ + 1) % memory_;
+    if (count_ < memory_) ++count_;
+  }
+
+  void PreconditionerChanged(const Solve& solve) override {
+    for (int k = 1; k <= count_; ++k) {
+      Pair& pair = Newest(k);
+      solve(pair.y.data(), pair.w.data());
+      pair.yw = pair.y.dot(pair.w);
+    }
+  }
+
+  void Forget() override { count_ = 0; }
+
+ private:
+  struct Pair {
+    VectorXd s, y, w;
+    double sy = 0.0;
+    double yw = 0.0;
+    double a = 0.0;
+  };
+
+  // k = 1 is the last pair stored.
+  Pair& Newest(int k) { return pairs_[(next_ - k + memory_) % memory_]; }
+
+  const int n_;
+  const int memory_;
+  const bool preconditioned_;
+  const bool rescales_;
+  std::vector<Pair> pairs_;
+  VectorXd q_;
+  int next_ = 0;
+  int count_ = 0;
+};
+
+class Lbfgs : public LineSearchMethod {
+ public:
+  explicit Lbfgs(Parameters* parameters)
+      : LineSearchMethod(parameters, LineSearchOptions()),
+        memory_(
+            parameters->Int("memory", 5, 1, "number m of stored (s, y) pairs")),
+        rescales_(parameters->Choice("scaling",
+                                     "gamma",
+                                     "gamma|paper",
+                                     "of a preconditioner: by the last (s, y), "
+                                     "or none (16)") == 0) {}
+
+ protected:
+  std::unique_ptr<DirectionRule> MakeRule(int n,
+                                          bool preconditioned) const override {
+    return std::make_unique<LbfgsRule>(n, memory_, preconditioned, rescales_);
+  }
+
+ private:
+  const int memory_;
+  const bool rescales_;
+};
+
+}  // namespace
+
+REGISTER_SOLVER(lbfgs,
+                Lbfgs,
+                "limited-memory BFGS, preconditioned",
+                "Nocedal, Math. Comp. 35 (1980) 773; Wang, Zhang, Electron. "
+                "Res. Arch. 28 (2020) 405, Algorithm 2");
+
+}  // namespace granopt
