@@ -49,9 +49,9 @@ int Main() {
                             : FLAGS_epsilon;
   // A state that close to jamming cannot be told from one at it.
   if (!IsGiven("zero_pressure")) FLAGS_zero_pressure = 1e-3 * FLAGS_epsilon;
-  Scene scene = MakeScene(FLAGS_phi_init > 0.0   ? FLAGS_phi_init
-                          : FLAGS_dimension == 3 ? 0.58
-                                                 : 0.80);
+  Scene scene = MakeSceneWithSolver(FLAGS_phi_init > 0.0   ? FLAGS_phi_init
+                                    : FLAGS_dimension == 3 ? 0.58
+                                                           : 0.80);
   const int d = scene.packing.dimension();
   JammingOptions options;
   options.energy = scene.energy;

@@ -8,6 +8,12 @@
         energy, pressure and coordination along a jamming path
     plot.py trace TRACE.csv OUT
         residual against iterations and seconds
+    plot.py curves CURVES.csv OUT [--cases=A;B] [--level=relative:1e-10 ...]
+        of `compare`: residual against iterations and CPU time, a row a case
+    plot.py work EVENTS.csv OUT [--cases=A;B] [--level=relative:1e-10 ...]
+        of `compare`: the residual that a number of evaluations, a CPU time buys
+    plot.py distances TABLES.csv OUT [--level=relative:1e-10 ...]
+        of `compare`: iterations and CPU time against the distance to jamming
 
 Each writes OUT.svg and OUT.png, both or neither. The same input gives the same
 bytes. Bad input or usage: one line on stderr, status 2.
@@ -879,6 +885,382 @@ def TraceFigure(arguments):
   return figure
 
 
+# ---------------------------------------------------------------- comparisons
+
+
+METHOD_COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, INK, "#56B4E9", GREY)
+METHOD_DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)))
+METHOD_MARKERS = "os^Dv<>p"
+
+
+def MethodStyles(names):
+  """Colour, dashes and marker of each method, in the order of the table."""
+  return {name: (METHOD_COLOURS[k % 8], METHOD_DASHES[k % 4 if len(names) <= 8 else
+                                                      (k + k // 8) % 4],
+                 METHOD_MARKERS[k % 8])
+          for k, name in enumerate(names)}
+
+
+def Unique(words):
+  return list(dict.fromkeys(words))
+
+
+def Levels(arguments):
+  """[(is absolute, value)] of --level, none of them: relative."""
+  levels = []
+  for text in arguments.level:
+    kind, _, value = text.partition(":")
+    try:
+      levels.append((kind == "absolute", float(value)))
+    except ValueError:
+      value = ""
+    if kind not in ("absolute", "relative") or not value or levels[-1][1] <= 0:
+      raise InputError("--level=%s must be relative:NUMBER or absolute:NUMBER" % text)
+  return levels or [(False, None)]
+
+
+def ChosenCases(arguments, table, path):
+  known = Unique(table["case"])
+  chosen = arguments.cases.split(";") if arguments.cases else known
+  for case in chosen:
+    if case not in known:
+      raise InputError("%s: no rows of the case %r" % (path, case))
+  return chosen
+
+
+def CaseTitle(case):
+  """`near_jamming=1e-6 at 1e-3` in words."""
+  name, _, value = case.partition("=")
+  value, _, distance = value.partition(" at ")
+  def Power(text):
+    mantissa, _, exponent = text.partition("e")
+    if not exponent:
+      return text
+    return ("" if mantissa == "1" else mantissa + r"\times") + "10^{%s}" % exponent
+  title = name.replace("_", " ")
+  if name in ("growth", "fig2"):
+    title = r"growth of radii by $1 + %s$" % Power(value)
+  elif name in ("simple_shear", "pure_shear"):
+    title = r"%s $\gamma = %s$" % (title, Power(value))
+  elif name == "random":
+    title = r"random displacements up to $%s\,L$" % Power(value)
+  elif name == "near_jamming":
+    title = r"shear $\gamma = %s$ at $\phi - \phi_J = %s$" % (Power(value),
+                                                             Power(distance))
+  elif name == "start":
+    title = "random start"
+  elif name == "user":
+    title = "the input"
+  return title
+
+
+def ResidualLabel(absolute):
+  return (r"$\max|g|\,/\,kL^{\alpha-1}$" if absolute
+          else r"$\max|g|\,/\,\langle f\rangle$")
+
+
+def ComparisonAxes(rows):
+  """Rows of two panels that share their residuals, and room for a legend."""
+  height = 0.95 + 3.55 * rows
+  figure, axes = plt.subplots(
+      rows, 2, sharey="row", squeeze=False, figsize=(11.0, height),
+      gridspec_kw=dict(left=0.095, right=0.98, top=1 - 0.9 / height,
+                       bottom=0.68 / height, wspace=0.06, hspace=0.36))
+  return figure, axes
+
+
+def MethodLegend(figure, styles, **properties):
+  """Above everything, in as many lines as it takes."""
+  names = list(styles)
+  columns = max([k for k in range(1, len(names) + 1) if k == 1 or sum(
+      max(len(name) for name in names[c::k]) + 7 for c in range(k)) <= 100])
+  handles = [Line2D([], [], color=colour, linestyle=dashes, linewidth=2.4,
+                    marker=marker if properties.get("markers") else None,
+                    markersize=6, label=name.replace("$", r"\$"))
+             for name, (colour, dashes, marker) in styles.items()]
+  lines = -(-len(names) // columns)
+  extra = 0.27 * max(0, lines - 1)
+  if extra:  # make the figure taller, and leave the axes where they are
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width, height + extra)
+    parameters = figure.subplotpars
+    figure.subplots_adjust(top=parameters.top * height / (height + extra),
+                           bottom=parameters.bottom * height / (height + extra))
+  figure.legend(handles=handles, loc="upper center", ncol=columns,
+                bbox_to_anchor=(0.535, 1.0), fontsize=12.5, handlelength=2.4,
+                columnspacing=1.5, borderaxespad=0.3)
+
+
+def TimeUnit(seconds):
+  """A factor and its name for times up to `seconds`."""
+  if seconds < 1e-3:
+    return 1e6, "CPU time / \u00b5s"
+  return (1e3, "CPU time / ms") if seconds < 1 else (1.0, "CPU time / s")
+
+
+def WorkAxis(ax, low, high, log):
+  """Plain numbers, or decades if `log`."""
+  if log:
+    ax.set_xscale("log")
+    ends = Span(np.array([low, high]))
+    ax.set_xlim(10**ends[0], 10**ends[1])
+    Decades(ax.xaxis, *ends)
+  else:
+    ax.set_xlim(-0.03 * high if high > 0 else -1, 1.04 * high if high > 0 else 1)
+    ax.xaxis.set_major_locator(ticker.MaxNLocator(6, steps=[1, 2, 5, 10]))
+    ax.xaxis.set_major_formatter(ticker.FuncFormatter(
+        lambda value, _: "{:,.10g}".format(value)))
+
+
+def LevelLines(ax, levels, absolute):
+  for kind, value in levels:
+    if value is not None and kind == absolute:
+      ax.axhline(value, color=GREY, linewidth=1.0, linestyle=(0, (2, 2)), zorder=1)
+
+
+def FinishPanels(axes):
+  for ax in axes.flat:
+    ax.grid(True, which="major", color=PALE, linewidth=0.7)
+    ax.set_axisbelow(True)
+    ax.tick_params(which="both", top=True, right=True)
+
+
+def CurvesFigure(arguments):
+  """Thin: the residual, its least and largest values in each part of the run.
+  Bold: the least residual so far. A dot is where a run got to the first level, a
+  cross where it ended without."""
+  path = arguments.table
+  table = ReadTable(path, ("case", "seed", "solver", "iteration", "cpu_seconds",
+                           "residual", "max_gradient"), words=("case", "solver"))
+  if not table["case"]:
+    raise InputError("%s: no rows" % path)
+  levels = Levels(arguments)
+  absolute = levels[0][0]
+  cases = ChosenCases(arguments, table, path)
+  case, solver = np.array(table["case"]), np.array(table["solver"])
+  residuals = table["max_gradient" if absolute else "residual"]
+  styles = MethodStyles(Unique(table["solver"]))
+  figure, axes = ComparisonAxes(len(cases))
+  seeds = len(np.unique(table["seed"]))
+  for row, name in enumerate(cases):
+    of_case = case == name
+    seed = table["seed"][of_case][0]
+    curves = []
+    for method in styles:
+      chosen = of_case & (solver == method) & (table["seed"] == seed)
+      good = np.isfinite(residuals[chosen]) & (residuals[chosen] > 0)
+      if good.any():
+        curves.append((method, residuals[chosen][good],
+                       table["iteration"][chosen][good],
+                       table["cpu_seconds"][chosen][good]))
+    shown = np.concatenate([np.array([])] + [curve[1] for curve in curves])
+    shown = np.append(shown, [value for kind, value in levels
+                              if kind == absolute and value is not None])
+    low, high = Span(shown)
+    axes[row, 0].set_yscale("log")
+    axes[row, 0].set_ylim(10**low, 10**high)
+    Decades(axes[row, 0].yaxis, low, high)
+    for column, ax in enumerate(axes[row]):
+      ends = np.array([curve[2 + column][-1] for curve in curves])
+      factor, label = (1.0, "iterations")
+      if column == 1:
+        factor, label = TimeUnit(ends.max(initial=0.0))
+      # A method that takes a twentieth of another's work is seen only so.
+      log = len(ends) > 1 and ends.min() > 0 and ends.max() > 20 * ends.min()
+      first = 1.0 if column == 0 else 1e-3 * ends.min(initial=np.inf) * factor
+      for method, values, *work in curves:
+        colour, dashes, _ = styles[method]
+        x = work[column] * factor
+        if log:
+          x = np.maximum(x, first)
+        ax.plot(x, values, color=colour, linewidth=0.6, alpha=0.45, zorder=2)
+        ax.plot(x, np.minimum.accumulate(values), color=colour, linestyle=dashes,
+                linewidth=1.9, zorder=3)
+        least = values.min()
+        failed = any(kind == absolute and value is not None and least > value
+                     for kind, value in levels[:1])
+        ax.plot(x[-1:], [least], "X" if failed else "o", color=colour,
+                markeredgecolor=INK if failed else colour, clip_on=False,
+                markersize=10 if failed else 7, zorder=5 if failed else 4)
+      WorkAxis(ax, first, ends.max() * factor if len(ends) else 1.0, log)
+      LevelLines(ax, levels, absolute)
+      ax.set_xlabel(label)
+    axes[row, 0].set_ylabel(ResidualLabel(absolute))
+    axes[row, 0].set_title(
+        CaseTitle(name) + (", seed %d of %d" % (seed, seeds) if seeds > 1 else ""),
+        loc="left", pad=7)
+  FinishPanels(axes)
+  figure.align_ylabels(axes[:, 0])
+  axes[0, 1].set_title("bold: least so far; thin: as it comes", loc="right", pad=7,
+                       fontsize=11, color=GREY)
+  MethodLegend(figure, styles)
+  return figure
+
+
+def QuantilesOf(values):
+  """20, 50 and 80 % of values of which some may be infinite."""
+  values, result = np.sort(values), []
+  for fraction in (0.2, 0.5, 0.8):
+    place = fraction * (len(values) - 1)
+    below = int(place)
+    weight = place - below
+    if weight < 1e-9:
+      result.append(values[below])
+    elif math.isinf(values[below + 1]):
+      result.append(math.inf)
+    else:
+      result.append(values[below] + weight * (values[below + 1] - values[below]))
+  return result
+
+
+def WorkFigure(arguments):
+  """Medians over seeds and repetitions, bands of 20 to 80 %; a run that never got
+  to a residual counts as infinitely expensive, so curves end where half of them
+  failed."""
+  path = arguments.table
+  table = ReadTable(path, ("case", "seed", "repetition", "solver", "kind", "level",
+                           "evaluations", "cpu_seconds"),
+                    words=("case", "solver", "kind"))
+  if not table["case"]:
+    raise InputError("%s: no rows" % path)
+  levels = Levels(arguments)
+  absolute = levels[0][0]
+  cases = ChosenCases(arguments, table, path)
+  styles = MethodStyles(Unique(table["solver"]))
+  case, solver = np.array(table["case"]), np.array(table["solver"])
+  of_kind = np.array(table["kind"]) == ("absolute" if absolute else "relative")
+  figure, axes = ComparisonAxes(len(cases))
+  for row, name in enumerate(cases):
+    of_case = case == name
+    runs = len(set(zip(table["seed"][of_case], table["repetition"][of_case])))
+    curves = []
+    for method in styles:
+      chosen = of_case & (solver == method) & of_kind
+      curve = []
+      for level in sorted(set(table["level"][chosen]), reverse=True):
+        here = chosen & (table["level"] == level)
+        missing = np.full(max(0, runs - here.sum()), np.inf)
+        curve.append([level] + [QuantilesOf(np.append(table[what][here], missing))
+                                for what in ("evaluations", "cpu_seconds")])
+      curve = [point for point in curve if math.isfinite(point[1][1])]
+      if curve:
+        curves.append((method, np.array([point[0] for point in curve]),
+                       np.array([point[1] for point in curve]),
+                       np.array([point[2] for point in curve])))
+    # What all have reached at the start says nothing, but for the last of it.
+    began = [level for level in curves[0][1] if all(
+        (curve[2][curve[1] == level, 1] <= 1).any() for curve in curves)] if curves else []
+    curves = [(method, *(part[values <= min(began, default=np.inf)]
+                         for part in (values, *work)))
+              for method, values, *work in curves]
+    shown = np.concatenate([np.array([])] + [curve[1] for curve in curves])
+    low, high = Span(shown)
+    ax = axes[row, 0]
+    ax.set_yscale("log")
+    ax.set_ylim(10**low, 10**high)
+    Decades(ax.yaxis, low, high)
+    for column, ax in enumerate(axes[row]):
+      most = max([curve[2 + column][-1, 1] for curve in curves], default=1.0)
+      factor, label = (1.0, "evaluations of energy and gradient")
+      if column == 1:
+        factor, label = TimeUnit(most)
+      # What every method has at the start says nothing.
+      least = min([curve[2 + column][curve[2 + column][:, 1] > 0, 1].min(initial=most)
+                   for curve in curves], default=1.0)
+      first = max(least, 1e-4 * most) * factor
+      for method, values, *work in curves:
+        colour, dashes, marker = styles[method]
+        x = np.maximum(work[column] * factor, first)
+        x[~np.isfinite(x)] = 10 * most * factor
+        ax.fill_betweenx(values, x[:, 0], x[:, 2], color=colour, alpha=0.15,
+                         linewidth=0, zorder=2)
+        ax.plot(x[:, 1], values, color=colour, linestyle=dashes, linewidth=1.7,
+                marker=marker, markersize=5, zorder=3)
+      WorkAxis(ax, first, most * factor, True)
+      LevelLines(ax, levels, absolute)
+      ax.set_xlabel(label)
+    axes[row, 0].set_ylabel(ResidualLabel(absolute) + " reached")
+    axes[row, 0].set_title(CaseTitle(name), loc="left", pad=7)
+  FinishPanels(axes)
+  figure.align_ylabels(axes[:, 0])
+  axes[0, 1].set_title("medians; bands: 20 to 80 % of the runs", loc="right", pad=7,
+                       fontsize=11, color=GREY)
+  MethodLegend(figure, styles, markers=True)
+  return figure
+
+
+def DistancesFigure(arguments):
+  """Medians over seeds and repetitions with 20 to 80 % bars. Lines: least squares
+  of the logarithm of the median against that of the distance, all points."""
+  path = arguments.table
+  table = ReadTable(path, ("case", "distance", "kind", "level", "solver", "iterations",
+                           "iterations_q20", "iterations_q80", "cpu_seconds",
+                           "cpu_seconds_q20", "cpu_seconds_q80", "spent_iterations",
+                           "spent_seconds"), words=("case", "kind", "solver"))
+  absolute, level = Levels(arguments)[0]
+  chosen = table["distance"] > 0
+  chosen &= np.array(table["kind"]) == ("absolute" if absolute else "relative")
+  if level is not None:
+    chosen &= np.isclose(table["level"], level, rtol=1e-9, atol=0)
+  if not chosen.any():
+    raise InputError("%s: no rows with a distance at that level" % path)
+  solver = np.array(table["solver"])
+  styles = MethodStyles(Unique(solver[chosen]))
+  figure, axes = plt.subplots(
+      1, 2, figsize=(11.0, 5.2),
+      gridspec_kw=dict(left=0.085, right=0.98, top=0.92, bottom=0.135, wspace=0.2))
+  x_low, x_high = Span(table["distance"][chosen])
+  for column, ax in enumerate(axes):
+    name = ("iterations", "cpu_seconds")[column]
+    spent = table[("spent_iterations", "spent_seconds")[column]]
+    finite = [table[key][chosen] for key in (name, name + "_q20", name + "_q80")]
+    finite = np.concatenate(finite + [spent[chosen]])
+    low, high = Span(finite[np.isfinite(finite) & (finite > 0)])
+    handles = []
+    for k, (method, (colour, dashes, marker)) in enumerate(styles.items()):
+      here = chosen & (solver == method)
+      y = table[name][here]
+      # Side by side.
+      x = table["distance"][here] * 10**(0.05 * (k - (len(styles) - 1) / 2))
+      good = np.isfinite(y) & (y > 0)
+      low_bar, high_bar = table[name + "_q20"][here], table[name + "_q80"][here]
+      bars = np.abs([y - low_bar, np.minimum(high_bar, 10**(high + 1)) - y])
+      ax.errorbar(x[good], y[good], yerr=bars[:, good], color=colour, linestyle="",
+                  marker=marker, markersize=6.5, capsize=3, linewidth=1.2, zorder=4)
+      # Never got there: open, at what had been spent.
+      ax.plot(x[~good], spent[here][~good], color=colour, linestyle="", marker=marker,
+              markersize=8, markerfacecolor="white", zorder=4)
+      if good.sum() < 3:
+        continue
+      u, v = np.log(table["distance"][here][good]), np.log(y[good])
+      slope, offset = np.polyfit(u, v, 1)
+      rest = v - slope * u - offset
+      error = math.sqrt(np.sum(rest**2) / (len(u) - 2) / np.sum((u - u.mean())**2))
+      ends = np.array([u.min(), u.max()])
+      ax.plot(np.exp(ends), np.exp(offset + slope * ends), color=colour,
+              linestyle=dashes, linewidth=1.4, zorder=3)
+      handles.append(Line2D([], [], color=colour, linestyle=dashes, marker=marker,
+                            markersize=6.5, linewidth=1.4,
+                            label=r"$\Delta\phi^{\,%.2f \pm %.2f}$" % (slope, error)))
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_xlim(10**x_low, 10**x_high)
+    ax.set_ylim(10**low, 10**(high + 0.035 * len(handles) * (high - low)))
+    Decades(ax.xaxis, x_low, x_high)
+    Decades(ax.yaxis, *np.log10(ax.get_ylim()))
+    ax.set_xlabel(r"distance to jamming  $\Delta\phi = \phi - \phi_J$")
+    ax.set_ylabel(("iterations", "CPU time / s")[column])
+    if handles:
+      legend = ax.legend(handles=handles, loc="upper right", fontsize=12.5,
+                         title="least squares of logarithms, all points",
+                         handlelength=2.4)
+      legend.get_title().set_fontsize(11)
+      legend.get_title().set_color(GREY)
+  FinishPanels(axes)
+  MethodLegend(figure, styles, markers=True)
+  return figure
+
+
 # ---------------------------------------------------------------- output
 
 
@@ -947,6 +1329,15 @@ def Arguments(words):
   command.add_argument("table")
   command.add_argument("out")
   command.set_defaults(figure=TraceFigure)
+  for name, figure in (("curves", CurvesFigure), ("work", WorkFigure),
+                       ("distances", DistancesFigure)):
+    command = commands.add_parser(name)
+    command.add_argument("table")
+    command.add_argument("out")
+    command.add_argument("--level", action="append", default=[])
+    if name != "distances":
+      command.add_argument("--cases", default="")
+    command.set_defaults(figure=figure)
   return parser.parse_args(words)
 
 

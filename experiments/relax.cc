@@ -57,25 +57,21 @@ int Main() {
   if (FLAGS_smoke && !IsGiven("particles") && FLAGS_input.empty()) {
     FLAGS_particles = 64;
   }
-  Scene scene = MakeScene(FLAGS_phi);
+  Scene scene = MakeSceneWithSolver(FLAGS_phi);
   Packing& packing = scene.packing;
   const int d = packing.dimension();
 
-  // The load, in this order.
-  if (FLAGS_radius_factor != 1.0) packing.ScaleRadii(FLAGS_radius_factor);
-  if (FLAGS_simple_shear != 0.0) {
-    packing.Deform(SimpleShear(d, FLAGS_simple_shear));
-  }
-  if (FLAGS_pure_shear != 0.0) packing.Deform(PureShear(d, FLAGS_pure_shear));
-  if (FLAGS_perturb > 0.0) {
-    packing.Perturb(FLAGS_perturb * packing.box.Length(), FLAGS_seed);
-  }
+  Load load;
+  load.radius_factor = FLAGS_radius_factor;
+  load.simple_shear = FLAGS_simple_shear;
+  load.pure_shear = FLAGS_pure_shear;
+  load.perturbation = FLAGS_perturb;
+  ApplyLoad(load, FLAGS_seed, &packing);
 
   SolveOptions options = MakeSolveOptions();
   if (FLAGS_absolute_tolerance > 0.0) {
     options.absolute_tolerance =
-        FLAGS_absolute_tolerance * scene.energy.stiffness *
-        std::pow(packing.box.Length(), scene.energy.alpha - 1.0);
+        FLAGS_absolute_tolerance * ForceUnit(packing, scene.energy);
   }
   if (FLAGS_max_seconds > 0.0) options.max_seconds = FLAGS_max_seconds;
   if (FLAGS_max_evaluations > 0) {

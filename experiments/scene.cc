@@ -21,9 +21,6 @@ DEFINE_double(alpha,
               2.0,
               "exponent of the contact energy k delta^alpha / alpha, >= 2; "
               "default: the input's own alpha, else 2");
-DEFINE_string(solver,
-              "ceres_lbfgs:scaled=1,differences=1,restarts=10",
-              "method as name:key=value,... (see --list_solvers)");
 DEFINE_double(tolerance,
               1e-10,
               "stop at max|g| <= tolerance * mean contact force");
@@ -38,15 +35,24 @@ DEFINE_bool(list_solvers,
 
 namespace granopt {
 
-Scene MakeScene(double phi) {
-  if (FLAGS_list_solvers) {
-    std::fputs(SolverTable().c_str(), stdout);
-    std::exit(kConverged);
-  }
+const char kDefaultSolver[] = "ceres_lbfgs:scaled=1,differences=1,restarts=10";
+
+void ListSolversIfAsked() {
+  if (!FLAGS_list_solvers) return;
+  std::fputs(SolverTable().c_str(), stdout);
+  std::exit(kConverged);
+}
+
+std::unique_ptr<Solver> MakeSolver(const char* flag, const std::string& spec) {
+  std::string error;
+  std::unique_ptr<Solver> solver = CreateSolver(spec, &error);
+  if (solver == nullptr) BadInput(std::string("--") + flag + ": " + error);
+  return solver;
+}
+
+Scene MakeScene(double phi, std::uint64_t seed) {
   Scene scene;
   std::string error;
-  scene.solver = CreateSolver(FLAGS_solver, &error);
-  if (scene.solver == nullptr) BadInput("--solver: " + error);
   CheckPositive("tolerance", FLAGS_tolerance);
   CheckPositive("zero_pressure", FLAGS_zero_pressure);
 
@@ -67,10 +73,10 @@ Scene MakeScene(double phi) {
     options.dimension = FLAGS_dimension;
     options.particles = FLAGS_particles;
     options.packing_fraction = phi;
-    options.seed = FLAGS_seed;
+    options.seed = seed;
     if (!GeneratePacking(options, &scene.packing, &error))
       BadInput("--" + error);
-    scene.origin = "seed " + std::to_string(FLAGS_seed);
+    scene.origin = "seed " + std::to_string(seed);
   }
 
   // The file may say which law it was made with.
@@ -107,6 +113,22 @@ void CheckScene(const Scene& scene) {
                                    contact.id.i,
                                    contact.id.j));
   }
+}
+
+void ApplyLoad(const Load& load, std::uint64_t seed, Packing* packing) {
+  const int d = packing->dimension();
+  if (load.radius_factor != 1.0) packing->ScaleRadii(load.radius_factor);
+  if (load.simple_shear != 0.0) {
+    packing->Deform(SimpleShear(d, load.simple_shear));
+  }
+  if (load.pure_shear != 0.0) packing->Deform(PureShear(d, load.pure_shear));
+  if (load.perturbation > 0.0) {
+    packing->Perturb(load.perturbation * packing->box.Length(), seed);
+  }
+}
+
+double ForceUnit(const Packing& packing, const ContactEnergyOptions& energy) {
+  return energy.stiffness * std::pow(packing.box.Length(), energy.alpha - 1.0);
 }
 
 SolveOptions MakeSolveOptions() {

@@ -55,21 +55,58 @@ class Protocol {
 
     Packing reference = state.packing;
     phi_unjammed_ = options_.phi_init;
-    for (int cycle = 1;; ++cycle) {
-      if (!Grow(&reference) || !Bisect(&reference)) return false;
-      result_->cycles = cycle;
-      result_->phi_cr = phi_jammed_;
-      UpdateDistance(AffineSlope(), /*secant=*/false);
-      bool fell = false;
-      if (!Decompress(&fell, &reference)) return false;
-      if (!fell || cycle == kMaxCycles) break;
+    return Cycles(&reference);
+  }
+
+  bool RunFromJammed(const Packing& packing) {
+    Relaxation state;
+    JammingVerdict verdict;
+    if (!RelaxAndJudge(JammingStage::START, packing, &state, &verdict)) {
+      return false;
     }
-    result_->converged =
-        result_->distance <= std::min(options_.error_bar, options_.accuracy);
+    if (verdict != JammingVerdict::JAMMED) {
+      return Fail(Format("the start is not jammed at phi = %.6f",
+                         packing.PackingFraction()));
+    }
+    result_->start = state.packing;
+    result_->unjammed = state.packing;
+    result_->jammed = std::move(state);
+    phi_jammed_ = packing.PackingFraction();
+    bool fell = false;
+    Packing reference;
+    if (!Descend(&fell, &reference)) return false;
+    if (fell) return Cycles(&reference);
+    Conclude();
     return true;
   }
 
  private:
+  // Growth, bisection and decompression from the unjammed `reference`, until a
+  // branch lasts down to its jamming point.
+  bool Cycles(Packing* reference) {
+    for (int cycle = 1;; ++cycle) {
+      if (!Grow(reference) || !Bisect(reference)) return false;
+      result_->cycles = cycle;
+      bool fell = false;
+      if (!Descend(&fell, reference)) return false;
+      if (!fell || cycle == kMaxCycles) break;
+    }
+    Conclude();
+    return true;
+  }
+
+  // From the jammed state.
+  bool Descend(bool* fell, Packing* reference) {
+    result_->phi_cr = phi_jammed_;
+    UpdateDistance(AffineSlope(), /*secant=*/false);
+    return Decompress(fell, reference);
+  }
+
+  void Conclude() {
+    result_->converged =
+        result_->distance <= std::min(options_.error_bar, options_.accuracy);
+  }
+
   // The branch of a jammed state may end at a finite pressure, where it loses
   // stability: the search then goes on from the unjammed state it falls to.
   static constexpr int kMaxCycles = 20;
@@ -306,27 +343,52 @@ double AffinePressureSlope(const Packing& packing,
   return sum / (d * packing.box.Volume()) / (d * packing.PackingFraction());
 }
 
+namespace {
+
+bool CheckOptions(const Packing& start,
+                  const JammingOptions& options,
+                  std::string* error) {
+  const auto positive = [error](const char* name, double value) {
+    if (value > 0.0 && std::isfinite(value)) return true;
+    *error = Format("%s = %g must be positive", name, value);
+    return false;
+  };
+  return positive("phi_init", options.phi_init) &&
+         positive("dphi", options.phi_increment) &&
+         positive("epsilon", options.accuracy) &&
+         (std::isinf(options.error_bar) ||
+          positive("error_bar", options.error_bar)) &&
+         start.IsValid(error);
+}
+
+}  // namespace
+
 bool FindJamming(const Packing& start,
                  const JammingOptions& options,
                  const Solver& solver,
                  const std::function<bool(const JammingStep&)>& observer,
                  JammingResult* result,
                  std::string* error) {
-  const auto positive = [error](const char* name, double value) {
-    if (value > 0.0 && std::isfinite(value)) return true;
-    *error = Format("%s = %g must be positive", name, value);
-    return false;
-  };
-  if (!positive("phi_init", options.phi_init) ||
-      !positive("dphi", options.phi_increment) ||
-      !positive("epsilon", options.accuracy) ||
-      !(std::isinf(options.error_bar) ||
-        positive("error_bar", options.error_bar)) ||
-      !start.IsValid(error)) {
+  if (!CheckOptions(start, options, error)) return false;
+  *result = JammingResult();
+  return Protocol(options, solver, observer, result, error).Run(start);
+}
+
+bool DecompressToJamming(
+    const Packing& start,
+    const JammingOptions& options,
+    const Solver& solver,
+    const std::function<bool(const JammingStep&)>& observer,
+    JammingResult* result,
+    std::string* error) {
+  if (!CheckOptions(start, options, error)) return false;
+  if (std::isinf(options.error_bar)) {
+    *error = "error_bar must be finite";
     return false;
   }
   *result = JammingResult();
-  return Protocol(options, solver, observer, result, error).Run(start);
+  return Protocol(options, solver, observer, result, error)
+      .RunFromJammed(start);
 }
 
 }  // namespace granopt

@@ -91,6 +91,18 @@ bool FindJamming(const Packing& start,
                  JammingResult* result,
                  std::string* error);
 
+// The same from a jammed `start`: relaxes it as it is and follows its branch
+// down to error_bar, which must be finite; growth and bisection come only after
+// a branch that is lost on the way. Returns false also if the start is not
+// jammed. phi_init is not used.
+bool DecompressToJamming(
+    const Packing& start,
+    const JammingOptions& options,
+    const Solver& solver,
+    const std::function<bool(const JammingStep&)>& observer,
+    JammingResult* result,
+    std::string* error);
+
 // dp/dphi of a growth of radii at fixed positions (no rearrangement):
 //   (1 / d V) sum_c f'_c l_c (r_i + r_j) / (d phi),
 // an upper estimate of p' in units of the packing.

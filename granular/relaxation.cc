@@ -15,11 +15,17 @@ bool Relax(const Packing& start,
       ContactEnergy::Create(start, energy_options, error);
   if (energy == nullptr) return false;
   std::vector<double> u(energy->NumParameters(), 0.0);
+  Summary summary = solver.Minimize(energy.get(), solve_options, u.data());
+  *result = Conclude(std::move(summary), u.data(), energy.get());
+  return true;
+}
+
+Relaxation Conclude(Summary summary, const double* u, ContactEnergy* energy) {
   Relaxation relaxation;
-  relaxation.summary = solver.Minimize(energy.get(), solve_options, u.data());
-  energy->Recenter(u.data());
-  relaxation.packing = energy->Configuration(u.data());
-  relaxation.contacts = energy->Contacts(u.data());
+  relaxation.summary = std::move(summary);
+  energy->Recenter(u);
+  relaxation.packing = energy->Configuration(u);
+  relaxation.contacts = energy->Contacts(u);
   // Images are those of the wrapped grains.
   const std::vector<Image> moved_by = relaxation.packing.Wrap();
   for (Contact& c : relaxation.contacts) {
@@ -28,12 +34,11 @@ bool Relax(const Packing& start,
     }
   }
   double value = 0.0;
-  energy->EvaluateWithScales(u.data(), &value, nullptr, nullptr);
+  energy->EvaluateWithScales(u, &value, nullptr, nullptr);
   relaxation.observables =
       Measure(relaxation.packing, relaxation.contacts, value);
   relaxation.list_builds = energy->num_list_builds();
-  *result = std::move(relaxation);
-  return true;
+  return relaxation;
 }
 
 }  // namespace granopt

@@ -31,6 +31,10 @@ bool Relax(const Packing& start,
            Relaxation* result,
            std::string* error);
 
+// The second half of Relax(), for those who call Minimize() themselves: what is
+// measured at the point `u` that it ended with. Recenters `energy` there.
+Relaxation Conclude(Summary summary, const double* u, ContactEnergy* energy);
+
 }  // namespace granopt
 
 #endif  // GRANOPT_GRANULAR_RELAXATION_H_

@@ -325,5 +325,245 @@ TEST_F(Cli, JammingOfAJammedStartSaysSo) {
       << run.err;
 }
 
+// ---------------------------------------------------------------- compare
+
+std::vector<std::string> Rows(const std::string& csv) {
+  std::vector<std::string> rows;
+  std::stringstream lines(csv);
+  for (std::string line; std::getline(lines, line);) rows.push_back(line);
+  return rows;
+}
+
+// Fields of a row without quoted ones.
+std::vector<std::string> Fields(const std::string& row) {
+  std::vector<std::string> fields;
+  std::stringstream words(row);
+  for (std::string word; std::getline(words, word, ',');)
+    fields.push_back(word);
+  return fields;
+}
+
+const char kTwoMethods[] =
+    "--solvers='lb@ceres_lbfgs:scaled=1,differences=1,restarts=10;"
+    "cg@ceres_ncg:scaled=1' ";
+
+TEST_F(Cli, CompareWritesEventsRunsAndTables) {
+  const Outcome run =
+      Do("compare",
+         "--smoke --cases=growth,random --seeds=1,3 --tolerance=1e-4 "
+         "--solvers='lb@ceres_lbfgs:scaled=1;cg@ceres_ncg:scaled=1' --out=out");
+  ASSERT_EQ(run.status, 0) << run.out << run.err;
+  for (const char* name : {"setup.json",
+                           "events.csv",
+                           "runs.csv",
+                           "curves.csv",
+                           "tables.csv",
+                           "tables.md",
+                           "summary.json",
+                           "prepared_relaxed_seed1.xyz",
+                           "prepared_relaxed_seed3.xyz"}) {
+    EXPECT_TRUE(Exists(folder_ + "/out/" + name)) << name;
+  }
+  // 2 methods x 2 cases x 2 seeds x 2 repetitions, interleaved.
+  const std::vector<std::string> runs = Rows(Slurp(folder_ + "/out/runs.csv"));
+  ASSERT_EQ(runs.size(), 1u + 16);
+  const char* expected[] = {"growth=5e-5,1,1,lb",
+                            "growth=5e-5,1,1,cg",
+                            "growth=5e-5,3,1,lb",
+                            "growth=5e-5,3,1,cg",
+                            "random=1e-4,1,1,lb",
+                            "random=1e-4,1,1,cg",
+                            "random=1e-4,3,1,lb",
+                            "random=1e-4,3,1,cg",
+                            "growth=5e-5,1,2,cg",
+                            "growth=5e-5,1,2,lb"};
+  for (int k = 0; k < 10; ++k) {
+    EXPECT_EQ(runs[1 + k].rfind(std::string(expected[k]) + ",", 0), 0u)
+        << runs[1 + k];
+  }
+  EXPECT_EQ(Lines(Slurp(folder_ + "/out/tables.csv")), 1 + 4);
+  const auto json = nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
+  EXPECT_TRUE(json["converged"].get<bool>());
+  EXPECT_EQ(json["runs"].get<int>(), 16);
+  EXPECT_FALSE(json["provenance"]["compiler"].get<std::string>().empty());
+  EXPECT_NE(run.out.find("16 of 16 runs converged"), std::string::npos);
+}
+
+// Of one run: a smaller residual never costs less.
+TEST_F(Cli, CompareEventsAreMonotoneInTheLevel) {
+  ASSERT_EQ(Do("compare",
+               "--smoke --cases=growth --solvers=ceres_lbfgs:scaled=1 "
+               "--tolerance=1e-5 --out=out")
+                .status,
+            0);
+  std::vector<std::string> last(8);
+  int count = 0;
+  for (const std::string& row : Rows(Slurp(folder_ + "/out/events.csv"))) {
+    const std::vector<std::string> now = Fields(row);
+    if (now[0] == "case" || now[5] != "relative") continue;
+    ASSERT_EQ(now.size(), 17u) << row;
+    if (now[2] == last[2]) {
+      EXPECT_LT(std::stod(now[6]), std::stod(last[6]));
+      for (int column : {7, 8, 13}) {  // iterations, evaluations, seconds
+        EXPECT_GE(std::stod(now[column]), std::stod(last[column])) << row;
+      }
+      ++count;
+    }
+    last = now;
+  }
+  EXPECT_EQ(count, 2 * 4);
+}
+
+TEST_F(Cli, CompareCountsAreDeterministicAndPreparedStatesAreUsedAgain) {
+  const auto counts = [this] {
+    std::string text;
+    for (const std::string& row : Rows(Slurp(folder_ + "/out/events.csv"))) {
+      const std::vector<std::string> f = Fields(row);
+      for (const int column : {0, 1, 2, 3, 5, 6, 7, 8, 16}) {
+        text += f[column] + ",";
+      }
+      text += "\n";
+    }
+    return text;
+  };
+  const std::string flags =
+      "--smoke --cases=growth,near_jamming,fig2 --repetitions=1 "
+      "--solvers=ceres_lbfgs:scaled=1 --tolerance=1e-4 --out=out";
+  Outcome run = Do("compare", flags);
+  ASSERT_EQ(run.status, 0) << run.out << run.err;
+  EXPECT_EQ(run.out.find("(used again)"), std::string::npos) << run.out;
+  const std::string first = counts();
+  run = Do("compare", flags);
+  ASSERT_EQ(run.status, 0) << run.out << run.err;
+  EXPECT_NE(run.out.find("(used again)"), std::string::npos) << run.out;
+  EXPECT_EQ(counts(), first);
+  EXPECT_NE(first.find("near_jamming=1e-6 at 1e-4"), std::string::npos);
+  // Another recipe, another state.
+  run = Do("compare", flags + " --alpha=2.5");
+  EXPECT_EQ(run.out.find("(used again)"), std::string::npos) << run.out;
+}
+
+TEST_F(Cli, CompareReplotMakesTheSameTables) {
+  const Outcome run =
+      Do("compare",
+         std::string(kTwoMethods) + "--smoke --tolerance=1e-12 --out=out");
+  ASSERT_NE(run.status, 2) << run.err;
+  const std::string md = Slurp(folder_ + "/out/tables.md");
+  const std::string csv = Slurp(folder_ + "/out/tables.csv");
+  ASSERT_FALSE(md.empty());
+  ASSERT_EQ(Do("compare", "--replot=out --out=again").status, 0);
+  EXPECT_EQ(Slurp(folder_ + "/again/tables.md"), md);
+  EXPECT_EQ(Slurp(folder_ + "/again/tables.csv"), csv);
+  ASSERT_EQ(Do("compare", "--replot=out/").status, 0);
+  EXPECT_EQ(Slurp(folder_ + "/out/tables.md"), md);
+  // At another level, against another baseline.
+  const Outcome loose =
+      Do("compare", "--replot=out --tolerance=1e-3 --baseline=cg --out=again");
+  ASSERT_EQ(loose.status, 0) << loose.err;
+  EXPECT_NE(loose.out.find("until max|g| <= 1e-3 mean forces"),
+            std::string::npos)
+      << loose.out;
+  const auto refused = [&](const std::string& flags, const std::string& words) {
+    const Outcome bad = Do("compare", "--replot=out --out=new " + flags);
+    EXPECT_EQ(bad.status, 2) << flags;
+    EXPECT_EQ(Lines(bad.err), 1) << bad.err;
+    EXPECT_NE(bad.err.find(words), std::string::npos) << bad.err;
+    EXPECT_FALSE(Exists(folder_ + "/new"));
+  };
+  refused("--tolerance=1e-13", "stopped at 1e-12");
+  refused("--tolerance=3e-3", "none of the recorded levels");
+  refused("--cases=growth", "--cases cannot go with --replot");
+  refused("--baseline=x", "no method is labelled 'x'");
+  refused("--replot=none", "none/setup.json");
+  File("out/events.csv", "case,seed\nx,1\n");
+  refused("", "events.csv:1: no column repetition");
+}
+
+TEST_F(Cli, CompareShowsAMethodThatFails) {
+  const Outcome run = Do("compare",
+                         std::string(kTwoMethods) +
+                             "--smoke --cases=growth --tolerance=1e-12 "
+                             "--out=out");
+  EXPECT_EQ(run.status, 1) << run.out;
+  EXPECT_NE(run.out.find("NO_PROGRESS (0 of 2 got there)"), std::string::npos)
+      << run.out;
+  EXPECT_NE(run.out.find("! cg: NO_PROGRESS, |g| = "), std::string::npos);
+  EXPECT_NE(run.out.find("2 of 4 runs converged"), std::string::npos);
+  const std::string runs = Slurp(folder_ + "/out/runs.csv");
+  EXPECT_EQ(Lines(runs), 1 + 4);
+  EXPECT_NE(Slurp(folder_ + "/out/tables.csv").find(",NO_PROGRESS,"),
+            std::string::npos);
+  const auto json = nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
+  EXPECT_FALSE(json["converged"].get<bool>());
+  EXPECT_EQ(json["runs_converged"].get<int>(), 2);
+}
+
+TEST_F(Cli, CompareStartsFromAnInput) {
+  const Outcome run =
+      Do("compare",
+         "--input=" GRANOPT_TEST_DATA
+         "/n256_phi0.8438_a2_relaxed.xyz --cases=user,simple_shear "
+         "--tolerance=1e-8 --repetitions=1 --out=out " +
+             std::string(
+                 "--solvers=ceres_lbfgs:scaled=1,differences=1,restarts=10"));
+  ASSERT_EQ(run.status, 0) << run.out << run.err;
+  EXPECT_EQ(Lines(Slurp(folder_ + "/out/runs.csv")), 1 + 2);
+  EXPECT_FALSE(Exists(folder_ + "/out/prepared_relaxed_seed1.xyz"));
+}
+
+TEST_F(Cli, ComparePresetsHaveTheLevelsOfThePaper) {
+  const Outcome run =
+      Do("compare",
+         "--paper=table1 --smoke --repetitions=1 --max_evaluations=3000 "
+         "--solvers='L-BFGS@ceres_lbfgs:scaled=1,differences=1,restarts=10' "
+         "--out=out");
+  ASSERT_EQ(run.status, 0) << run.out << run.err;
+  for (const char* words : {"until max|g| <= 1e-13 (k = 1, box = 1)",
+                            "until max|g| <= 1e-10 (k = 1, box = 1)",
+                            "until max|g| <= 1e-6 mean forces",
+                            "paper its",
+                            " 2003 ",
+                            "what the paper leaves open"}) {
+    EXPECT_NE(run.out.find(words), std::string::npos) << words;
+  }
+  EXPECT_EQ(Lines(Slurp(folder_ + "/out/tables.csv")), 1 + 9);
+}
+
+TEST_F(Cli, CompareRefusesBadInput) {
+  const auto refused = [this](const std::string& flags,
+                              const std::string& words) {
+    ExpectRefused("compare", flags + " --out=out", words);
+  };
+  refused("--solvers=magic", "--solvers: unknown solver 'magic'");
+  refused("--solvers='a@ceres_lbfgs:m=3'", "unknown option 'm'");
+  refused("--solvers=", "empty entry");
+  refused("--solvers='ceres_lbfgs;ceres_lbfgs'", "given twice");
+  refused("--prepare_solver=magic", "--prepare_solver: unknown solver");
+  refused("--cases=magic", "--cases: unknown case 'magic'");
+  refused("--cases=growth=-1", "--cases: growth=-1");
+  refused("--cases=user", "--input, which is not given");
+  refused("--cases=pure_shear=900 --particles=20", "images");
+  refused("--seeds=1-", "--seeds: '1-'");
+  refused("--repetitions=0", "--repetitions=0");
+  refused("--tolerance=0", "--tolerance=0");
+  refused("--tolerance=nan", "--tolerance");
+  refused("--absolute_tolerance=-1", "--absolute_tolerance=-1");
+  refused("--max_seconds=-1", "--max_seconds=-1");
+  refused("--distances=1e-2,no", "--distances: 'no'");
+  refused("--distances=3", "--distances: 3");
+  refused("--shear=0", "--shear=0");
+  refused("--baseline=x", "no method is labelled 'x'");
+  refused("--paper=table2", "--paper=table2");
+  refused("--phi=0", "--phi=0");
+  refused("--alpha=1.5", "--alpha=1.5");
+  refused("--particles=0", "particles");
+  refused("--input=none.xyz", "none.xyz: cannot read");
+  refused("--input=none.xyz --phi=0.9", "--phi describes a random start");
+  refused("--input=none.xyz --cases=start", "cannot go with --input");
+  refused("--dimension=3 --cases=fig2", "fig2 in 3D needs --phi");
+  refused("--replot=", "--replot= is empty");
+  refused("stray", "stray");
+}
+
 }  // namespace
 }  // namespace granopt

@@ -1,0 +1,958 @@
+// compare: methods against each other on the same packings, interleaved.
+//
+//   compare --solvers="label@spec;spec;..." --cases=growth,simple_shear,random
+//           --input=F.xyz | --particles=N --phi=P --seeds=1-3
+//           --repetitions=3 --tolerance=1e-10 | --paper=table1|fig2
+//           --out=DIR
+//   compare --replot=DIR
+//
+// Raw events first (events.csv, runs.csv, curves.csv), then tables and figures
+// from these alone, which --replot makes again. Times are CPU seconds of
+// Minimize() alone; preparing the packings and measuring the results is not in
+// them.
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "experiments/comparison.h"
+#include "experiments/preparation.h"
+#include "experiments/run.h"
+#include "experiments/scene.h"
+#include "granular/atomic_file.h"
+#include "granular/quad_residual.h"
+#include "granular/relaxation.h"
+
+DEFINE_string(solvers,
+              "ceres_lbfgs:scaled=1,differences=1,restarts=10;"
+              "ceres_ncg:beta=pr,scaled=1,differences=1,restarts=10",
+              "methods, separated by semicolons, each as name:key=value,... or "
+              "label@name:key=value,... (see --list_solvers)");
+DEFINE_string(
+    cases,
+    "growth,simple_shear,random",
+    "what is relaxed, separated by commas: growth, simple_shear, "
+    "pure_shear, random, fig2, near_jamming, start, user; with a size "
+    "as in growth=5e-5");
+DEFINE_double(phi, 0.8438, "packing fraction of generated packings");
+DEFINE_string(seeds, "", "seeds as in 1-3 or 1,4,7; default: --seed");
+DEFINE_int32(repetitions, 3, "how often each run is repeated, for its time");
+DEFINE_double(
+    absolute_tolerance,
+    0.0,
+    "if > 0: stop at max|g| <= this instead, in units k = 1, box = 1");
+DEFINE_double(max_seconds, 0.0, "a run gives up after this time (0: never)");
+DEFINE_int64(max_evaluations,
+             0,
+             "a run gives up after this many evaluations (0: never)");
+DEFINE_string(distances,
+              "1e-2,1e-3,1e-4,1e-5,1e-6,1e-7,1e-8",
+              "distances phi - phi_J of the case near_jamming");
+DEFINE_double(shear, 1e-6, "shear step of the case near_jamming");
+DEFINE_string(prepare_solver,
+              granopt::kDefaultSolver,
+              "the method that relaxes the packings before the loads");
+DEFINE_string(baseline,
+              "",
+              "label of the method that times are divided by; default: the "
+              "first");
+DEFINE_string(paper,
+              "",
+              "the paper's parameters: table1 or fig2 (each can be changed by "
+              "its flag)");
+DEFINE_string(replot,
+              "",
+              "folder of an earlier comparison: make its tables and figures "
+              "again, run nothing");
+
+namespace granopt {
+namespace {
+
+constexpr int kCurveBuckets = 95;
+constexpr int kCasesPerFigure = 3;
+// Cases whose figures an earlier comparison may have left behind.
+constexpr int kMostCases = 99;
+constexpr double kFig2Phi = 0.8389;
+
+constexpr char kTable1Solvers[] =
+    "L-BFGS@lbfgs:memory=5;"
+    "P-L-BFGS (A = 0)@lbfgs:memory=5,scaling=paper,preconditioner=laplacian,"
+    "A=0;"
+    "P-L-BFGS (A = 3)@lbfgs:memory=5,scaling=paper,preconditioner=laplacian,"
+    "A=3;"
+    "FR-CG@ncg:beta=fr;"
+    "P-FR-CG@ncg:beta=fr,preconditioner=laplacian";
+constexpr char kFig2Solvers[] =
+    "L-BFGS@lbfgs:memory=5;"
+    "P-L-BFGS (A = 0)@lbfgs:memory=5,scaling=paper,preconditioner=laplacian,"
+    "A=0;"
+    "FR-CG@ncg:beta=fr;"
+    "P-FR-CG@ncg:beta=fr,preconditioner=laplacian";
+
+double CpuSeconds() {
+  std::timespec now;
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) +
+         1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+double WallSeconds() {
+  return std::chrono::duration<double>(
+             std::chrono::steady_clock::now().time_since_epoch())
+      .count();
+}
+
+// ---------------------------------------------------------------- figures
+
+// The files of the figures of that many cases.
+void AddPictures(int cases, std::vector<std::string>* names) {
+  const auto add = [names](const std::string& base) {
+    names->push_back(base + ".svg");
+    names->push_back(base + ".png");
+  };
+  for (int page = 1; (page - 1) * kCasesPerFigure < cases; ++page) {
+    add(page == 1 ? "curves" : Format("curves_%d", page));
+    add(page == 1 ? "work" : Format("work_%d", page));
+  }
+  add("distances");
+}
+
+// `data`: the folder of the raw files; figures go to the folder of `output`.
+void Draw(const ComparisonSetup& setup,
+          const std::string& data,
+          Output* output) {
+  std::vector<std::string> levels;
+  for (const Level& level : setup.levels) {
+    levels.push_back(
+        "--level=" + std::string(level.absolute ? "absolute:" : "relative:") +
+        Neat(level.value));
+  }
+  const auto draw = [&](const std::string& name,
+                        std::vector<std::string> arguments) {
+    arguments.insert(arguments.end(), levels.begin(), levels.end());
+    return output->Plot(arguments, {name + ".svg", name + ".png"});
+  };
+  const int cases = static_cast<int>(setup.cases.size());
+  for (int first = 0; first < cases; first += kCasesPerFigure) {
+    std::string chosen;
+    for (int c = first; c < std::min(cases, first + kCasesPerFigure); ++c) {
+      chosen += (chosen.empty() ? "" : ";") + setup.cases[c].id;
+    }
+    const std::string page =
+        first == 0 ? "" : Format("_%d", first / kCasesPerFigure + 1);
+    for (const std::string kind : {"curves", "work"}) {
+      const std::string name = kind + page;
+      if (!draw(name,
+                {kind,
+                 data + (kind == "curves" ? "/curves.csv" : "/events.csv"),
+                 output->Path(name),
+                 "--cases=" + chosen})) {
+        return;
+      }
+    }
+  }
+  int near = 0;
+  for (const Case& c : setup.cases) near += c.kind == "near_jamming";
+  if (near > 1) {
+    draw("distances",
+         {"distances", output->Path("tables.csv"), output->Path("distances")});
+  }
+}
+
+struct Raw {
+  std::vector<Event> events;
+  std::vector<RunRecord> runs;
+};
+
+Raw ReadRaw(const std::string& data) {
+  Raw raw;
+  std::string text, error;
+  if (!ReadFile(data + "/events.csv", &text, &error) ||
+      !ParseEvents(text, data + "/events.csv", &raw.events, &error) ||
+      !ReadFile(data + "/runs.csv", &text, &error) ||
+      !ParseRuns(text, data + "/runs.csv", &raw.runs, &error)) {
+    BadInput(error);
+  }
+  return raw;
+}
+
+// Tables and figures from the raw files in `data`, as they were read; prints
+// the tables.
+std::vector<Table> Report(const ComparisonSetup& setup,
+                          const std::string& data,
+                          const Raw& raw,
+                          Output* output) {
+  const std::vector<RunRecord>& runs = raw.runs;
+  const std::vector<Table> tables = Tabulate(setup, raw.events, runs);
+  output->Write("tables.csv", TablesCsv(tables));
+  output->Write("tables.md", TablesText(setup, tables, runs, true));
+  std::fputs(TablesText(setup, tables, runs, false).c_str(), stdout);
+  Draw(setup, data, output);
+  int converged = 0;
+  for (const RunRecord& run : runs) converged += run.converged ? 1 : 0;
+  std::printf("\n%d of %zu runs converged\n", converged, runs.size());
+  return tables;
+}
+
+// The level that the flags ask for, if any.
+bool GivenLevel(Level* level) {
+  if (IsGiven("absolute_tolerance") && FLAGS_absolute_tolerance > 0.0) {
+    *level = {true, FLAGS_absolute_tolerance};
+    return true;
+  }
+  *level = {false, FLAGS_tolerance};
+  return IsGiven("tolerance");
+}
+
+void SetBaseline(ComparisonSetup* setup) {
+  if (!IsGiven("baseline")) {
+    if (setup->baseline.empty()) setup->baseline = setup->methods[0].label;
+    return;
+  }
+  std::string known;
+  for (const Method& method : setup->methods) {
+    if (method.label == FLAGS_baseline || method.spec == FLAGS_baseline) {
+      setup->baseline = method.label;
+      return;
+    }
+    known += (known.empty() ? "" : "; ") + method.label;
+  }
+  BadInput("--baseline: no method is labelled '" + FLAGS_baseline +
+           "'; there are " + known);
+}
+
+int Replot() {
+  for (const char* flag : {"solvers",
+                           "cases",
+                           "phi",
+                           "seeds",
+                           "seed",
+                           "repetitions",
+                           "max_seconds",
+                           "max_evaluations",
+                           "shear",
+                           "distances",
+                           "paper",
+                           "prepare_solver",
+                           "input",
+                           "particles",
+                           "dimension",
+                           "alpha",
+                           "smoke",
+                           "zero_pressure"}) {
+    if (IsGiven(flag)) {
+      BadInput(std::string("--") + flag + " cannot go with --replot");
+    }
+  }
+  std::string data = FLAGS_replot, text, error;
+  while (data.size() > 1 && data.back() == '/') data.pop_back();
+  ComparisonSetup setup;
+  if (!ReadFile(data + "/setup.json", &text, &error) ||
+      !ParseSetup(text, data + "/setup.json", &setup, &error)) {
+    BadInput("--replot: " + error);
+  }
+  Level level;
+  if (GivenLevel(&level)) {
+    const std::vector<Level> ladder = Ladder(setup.levels);
+    if (std::find(ladder.begin(), ladder.end(), level) == ladder.end()) {
+      BadInput(
+          Format("--replot: %g is none of the recorded levels (decades "
+                 "and the tolerances of the runs)",
+                 level.value));
+    }
+    const Level& stop = setup.levels[0];
+    if (level.absolute == stop.absolute && level.value < stop.value) {
+      BadInput(Format("--replot: the runs stopped at %g", stop.value));
+    }
+    setup.levels = {level};
+  }
+  SetBaseline(&setup);
+  const Raw raw = ReadRaw(data);
+  std::vector<std::string> names = {"tables.csv", "tables.md"};
+  AddPictures(kMostCases, &names);
+  Output output;
+  output.Create(IsGiven("out") ? FLAGS_out : data, names);
+  std::printf("compare   tables and figures of %s again\n", data.c_str());
+  Report(setup, data, raw, &output);
+  output.PrintFiles();
+  return kConverged;
+}
+
+// ---------------------------------------------------------------- runs
+
+// A packing that methods start from.
+struct Start {
+  Packing packing;
+  double distance = 0.0;
+};
+
+Load LoadOf(const Case& c) {
+  Load load;
+  if (c.kind == "growth" || c.kind == "fig2") {
+    load.radius_factor = 1.0 + c.value;
+  } else if (c.kind == "simple_shear" || c.kind == "near_jamming") {
+    load.simple_shear = c.value;
+  } else if (c.kind == "pure_shear") {
+    load.pure_shear = c.value;
+  } else if (c.kind == "random") {
+    load.perturbation = c.value;
+  }
+  return load;
+}
+
+// The seeds of a case: with an input only random displacements depend on one.
+std::vector<std::uint64_t> SeedsOf(const ComparisonSetup& setup,
+                                   const Case& c) {
+  if (FLAGS_input.empty() || c.kind == "random") return setup.seeds;
+  return {setup.seeds[0]};
+}
+
+struct Records {
+  std::vector<Event> events;
+  std::vector<RunRecord> runs;
+  std::vector<CurveRow> curves;
+  // Of each case and seed.
+  std::map<std::pair<std::string, std::uint64_t>, Minima> minima;
+};
+
+// CPU seconds at a wall time, linear between the moments when both were read.
+double Interpolate(const std::vector<std::pair<double, double>>& knots,
+                   double wall) {
+  const auto above = std::lower_bound(
+      knots.begin() + 1, knots.end() - 1, std::make_pair(wall, 0.0));
+  const auto& [w1, c1] = *above;
+  const auto& [w0, c0] = *(above - 1);
+  if (!(w1 > w0)) return c1;
+  return c0 + (c1 - c0) * std::min(1.0, (wall - w0) / (w1 - w0));
+}
+
+void RunOne(const RunKey& key,
+            int position,
+            const Start& start,
+            const ContactEnergyOptions& law,
+            const Solver& solver,
+            const ComparisonSetup& setup,
+            const std::function<void(const IterationState&)>& show,
+            Records* records) {
+  const double unit = ForceUnit(start.packing, law);
+  SolveOptions options = MakeSolveOptions();
+  if (setup.levels[0].absolute) {
+    options.absolute_tolerance = setup.levels[0].value * unit;
+  } else {
+    options.relative_tolerance = setup.levels[0].value;
+  }
+  if (FLAGS_max_seconds > 0.0) options.max_seconds = FLAGS_max_seconds;
+  if (FLAGS_max_evaluations > 0) {
+    options.max_evaluations = FLAGS_max_evaluations;
+  }
+  // Repetitions differ by their times only.
+  const bool curve = key.repetition == 1;
+  options.record_trace = curve;
+
+  std::string error;
+  const auto energy = ContactEnergy::Create(start.packing, law, &error);
+  if (energy == nullptr) BadInput(key.case_id + ": " + error);
+  std::vector<double> u(energy->NumParameters(), 0.0);
+
+  Crossings crossings(Ladder(setup.levels), unit);
+  std::vector<std::pair<double, double>> knots = {{0.0, 0.0}};
+  double begin = 0.0;
+  options.callback = [&](const IterationState& state) {
+    if (crossings.Due(state.max_gradient, state.scales.gradient)) {
+      const double cpu = CpuSeconds() - begin;
+      crossings.Note(key,
+                     state.max_gradient,
+                     state.scales.gradient,
+                     MakeWork(state.counters,
+                              cpu,
+                              state.seconds,
+                              state.function_seconds,
+                              state.linear_seconds),
+                     state.cost,
+                     &records->events);
+      knots.push_back({state.seconds, cpu});
+    }
+    show(state);
+    return true;
+  };
+  begin = CpuSeconds();
+  Summary summary = solver.Minimize(energy.get(), options, u.data());
+  const double cpu = CpuSeconds() - begin;
+  knots.push_back({summary.seconds, cpu});
+  const Work work = MakeWork(summary.counters,
+                             cpu,
+                             summary.seconds,
+                             summary.function_seconds,
+                             summary.linear_seconds);
+  // The iterate that meets the tolerance is not shown to the callback.
+  crossings.Note(key,
+                 summary.max_gradient,
+                 summary.scales.gradient,
+                 work,
+                 summary.cost,
+                 &records->events);
+
+  const Packing end = energy->Configuration(u.data());
+  const int d = end.dimension();
+  std::vector<double> displacements(u.size());
+  for (int i = 0; i < end.size(); ++i) {
+    for (int k = 0; k < d; ++k) {
+      const DoubleDouble a = end.Position(i, k),
+                         b = start.packing.Position(i, k);
+      displacements[d * i + k] = (a.hi - b.hi) + (a.lo - b.lo);
+    }
+  }
+  const Relaxation result =
+      Conclude(std::move(summary), u.data(), energy.get());
+  const Summary& s = result.summary;
+  const Observables& o = result.observables;
+  QuadResidual judge;
+  if (!EvaluateQuad(result.packing, law, nullptr, &judge, &error)) {
+    BadInput(key.case_id + ": " + error);
+  }
+  RunRecord run;
+  run.key = key;
+  run.position = position;
+  run.converged = s.Succeeded();
+  run.stop_reason = StopReasonName(s.reason);
+  run.message = s.message;
+  run.residual =
+      s.scales.gradient > 0.0 ? s.max_gradient / s.scales.gradient : 0.0;
+  run.quad_residual = judge.Relative();
+  run.quad_max_gradient = judge.max_gradient / unit;
+  run.energy = o.energy;
+  run.pressure = o.pressure;
+  run.phi = o.packing_fraction;
+  run.rattlers = o.rattlers;
+  run.minimum = records->minima[{key.case_id, key.seed}].Tag(
+      o.energy,
+      judge.Relative(),
+      s.reason == StopReason::VANISHED,
+      o.mean_overlap,
+      displacements,
+      o.is_rattler);
+  run.distance = start.distance;
+  run.list_builds = result.list_builds;
+  run.work = work;
+  run.seconds = s.seconds;
+  records->runs.push_back(run);
+
+  if (curve) {
+    std::vector<double> residuals;
+    for (const TraceRow& row : s.trace) residuals.push_back(row.max_gradient);
+    for (const int k : ThinTrace(residuals, kCurveBuckets)) {
+      const TraceRow& row = s.trace[k];
+      records->curves.push_back({key.case_id,
+                                 key.seed,
+                                 key.label,
+                                 row.iteration,
+                                 row.evaluations,
+                                 Interpolate(knots, row.seconds),
+                                 row.gradient_scale > 0.0
+                                     ? row.max_gradient / row.gradient_scale
+                                     : 0.0,
+                                 row.max_gradient / unit,
+                                 row.cost});
+    }
+  }
+}
+
+// ---------------------------------------------------------------- the plan
+
+// All that the flags ask for, checked.
+struct Plan {
+  ComparisonSetup setup;
+  std::vector<std::unique_ptr<Solver>> solvers;  // as setup.methods
+  std::unique_ptr<Solver> prepare;
+  std::vector<double> distances;
+  double phi = 0.0;
+  double phi_fig2 = 0.0;
+  // The input, or the random start of the first seed.
+  Scene scene;
+  int runs = 0;
+};
+
+void AddAssumptions(Plan* plan) {
+  ComparisonSetup& setup = plan->setup;
+  auto& rows = setup.assumptions;
+  const double alpha = plan->scene.energy.alpha;
+  rows.emplace_back("exponent alpha",
+                    Neat(alpha) + (IsGiven("alpha") ? ", given by --alpha"
+                                   : alpha == 2.0   ? ", the harmonic law"
+                                                    : ", the input's own"));
+  std::string levels;
+  for (const Level& level : setup.levels) {
+    levels += (levels.empty() ? "" : ", ") + Neat(level.value) +
+              (level.absolute ? " absolute" : " mean forces");
+  }
+  rows.emplace_back(
+      "tolerance",
+      "max|g| <= " + levels +
+          (setup.levels.size() > 1 ? "; all from the runs to the first" : ""));
+  rows.emplace_back("units of an absolute tolerance",
+                    "k = 1, L = V^(1/d) = 1: max|g| / (k L^(alpha-1))");
+  rows.emplace_back("memory m, line search, r_nn, mu",
+                    "the methods' options; what is not given has its default "
+                    "(--list_solvers)");
+  rows.emplace_back("meaning of n_iter",
+                    "accepted steps; evaluations of E and its gradient beside "
+                    "them");
+  const std::string random =
+      "uniform random centres, radii 1 : 1.4 half and half";
+  if (setup.paper == "fig2") {
+    rows.emplace_back(
+        "the unjammed state",
+        !FLAGS_input.empty()
+            ? "the input " + FLAGS_input
+            : random +
+                  Format("; relaxed at phi = %g, radii grown to phi in "
+                         "steps of %g, relaxed after each, by ",
+                         Preparation::kCompressedFrom,
+                         Preparation::kStep) +
+                  plan->prepare->name());
+    rows.emplace_back("phi of the caption", "that before the radii grow");
+  } else {
+    rows.emplace_back("the over-jammed state",
+                      !FLAGS_input.empty()
+                          ? "the input " + FLAGS_input
+                          : random +
+                                Format("; relaxed at phi to %g mean forces by ",
+                                       Preparation::kTolerance) +
+                                plan->prepare->name());
+    rows.emplace_back("random perturbation O(1e-4)",
+                      "each coordinate by a uniform number in +-1e-4 L");
+    rows.emplace_back("shear strain",
+                      "cell and centres deformed affinely, then relaxed in the "
+                      "deformed periodic cell");
+  }
+  rows.emplace_back(
+      "time",
+      "CPU seconds of this machine; compare ratios to " + setup.baseline);
+}
+
+void ApplyPreset(Plan* plan) {
+  ComparisonSetup& setup = plan->setup;
+  setup.paper = FLAGS_paper;
+  if (!FLAGS_paper.empty()) {
+    const bool table1 = FLAGS_paper == "table1";
+    if (!table1 && FLAGS_paper != "fig2") {
+      BadInput("--paper=" + FLAGS_paper + " must be table1 or fig2");
+    }
+    if (!IsGiven("solvers")) {
+      FLAGS_solvers = table1 ? kTable1Solvers : kFig2Solvers;
+    }
+    if (!IsGiven("cases")) {
+      FLAGS_cases = table1 ? "growth,simple_shear,random" : "fig2";
+    }
+    if (!IsGiven("particles") && FLAGS_input.empty() && !FLAGS_smoke) {
+      FLAGS_particles = 4096;
+    }
+    setup.levels = {{true, 1e-13}};
+    if (table1) {
+      setup.levels.push_back({true, 1e-10});
+      setup.levels.push_back({false, 1e-6});
+    }
+  }
+  if (FLAGS_smoke) {
+    if (!IsGiven("particles") && FLAGS_input.empty()) FLAGS_particles = 64;
+    if (!IsGiven("repetitions")) FLAGS_repetitions = 2;
+    if (!IsGiven("distances")) FLAGS_distances = "1e-2,1e-3,1e-4";
+  }
+  Level level;
+  if (GivenLevel(&level) || setup.levels.empty()) setup.levels = {level};
+}
+
+Plan MakePlan() {
+  Plan plan;
+  ComparisonSetup& setup = plan.setup;
+  std::string error;
+  const auto require = [&error](bool good, const char* flag) {
+    if (!good) BadInput(std::string("--") + flag + ": " + error);
+  };
+  if (!FLAGS_input.empty() && IsGiven("phi")) {
+    BadInput("--phi describes a random start and cannot go with --input");
+  }
+  CheckPositive("phi", FLAGS_phi);
+  CheckPositive("tolerance", FLAGS_tolerance);
+  CheckRange("absolute_tolerance", FLAGS_absolute_tolerance, 0.0, 1e300);
+  CheckRange("max_seconds", FLAGS_max_seconds, 0.0, 1e300);
+  CheckRange("max_evaluations", FLAGS_max_evaluations, 0.0, 9e18);
+  CheckPositive("shear", FLAGS_shear);
+  CheckRange("shear", FLAGS_shear, 0.0, 1.0);
+  ApplyPreset(&plan);
+  CheckRange("repetitions", FLAGS_repetitions, 1.0, 1e6);
+  setup.repetitions = FLAGS_repetitions;
+
+  require(ParseMethods(FLAGS_solvers, &setup.methods, &error), "solvers");
+  for (const Method& method : setup.methods) {
+    plan.solvers.push_back(MakeSolver("solvers", method.spec));
+  }
+  plan.prepare = MakeSolver("prepare_solver", FLAGS_prepare_solver);
+  require(ParseNumbers(FLAGS_distances, &plan.distances, &error), "distances");
+  for (const double d : plan.distances) {
+    if (d > 0.5 || d < 1e-12) {
+      BadInput("--distances: " + Neat(d) + " must be in [1e-12, 0.5]");
+    }
+  }
+  require(ParseCases(
+              FLAGS_cases, plan.distances, FLAGS_shear, &setup.cases, &error),
+          "cases");
+  std::sort(plan.distances.begin(), plan.distances.end());
+  setup.seeds = {FLAGS_seed};
+  if (IsGiven("seeds")) {
+    require(ParseSeeds(FLAGS_seeds, &setup.seeds, &error), "seeds");
+  }
+  SetBaseline(&setup);
+
+  plan.phi = plan.phi_fig2 = FLAGS_phi;
+  bool all_fig2 = true;
+  for (const Case& c : setup.cases) {
+    if (c.kind == "user" && FLAGS_input.empty()) {
+      BadInput("--cases: user is the packing of --input, which is not given");
+    }
+    if (c.kind == "start" && !FLAGS_input.empty()) {
+      BadInput("--cases: start is a random start and cannot go with --input");
+    }
+    all_fig2 = all_fig2 && c.kind == "fig2";
+    if (c.kind == "fig2" && FLAGS_input.empty() && !IsGiven("phi")) {
+      if (FLAGS_dimension != 2) BadInput("--cases: fig2 in 3D needs --phi");
+      plan.phi_fig2 = kFig2Phi;
+    }
+    plan.runs +=
+        static_cast<int>(SeedsOf(setup, c).size() * setup.methods.size()) *
+        setup.repetitions;
+  }
+  if (all_fig2) plan.phi = plan.phi_fig2;
+
+  plan.scene = MakeScene(plan.phi, setup.seeds[0]);
+  const Packing& packing = plan.scene.packing;
+  // A load that makes a packing impossible is found before any work.
+  for (const Case& c : setup.cases) {
+    Scene loaded;
+    loaded.packing = packing;
+    loaded.energy = plan.scene.energy;
+    loaded.origin = plan.scene.origin + ", " + c.id;
+    ApplyLoad(LoadOf(c), setup.seeds[0], &loaded.packing);
+    CheckScene(loaded);
+  }
+  setup.what = FLAGS_input.empty()
+                   ? Format("%d %s, phi = %s, alpha = %g",
+                            packing.size(),
+                            packing.dimension() == 2 ? "discs" : "spheres",
+                            Neat(plan.phi).c_str(),
+                            plan.scene.energy.alpha)
+                   : Format("%s (%s), phi = %.6g, alpha = %g",
+                            Describe(packing).c_str(),
+                            FLAGS_input.c_str(),
+                            packing.PackingFraction(),
+                            plan.scene.energy.alpha);
+  if (!setup.paper.empty()) AddAssumptions(&plan);
+  return plan;
+}
+
+void PrintPlan(const Plan& plan) {
+  const ComparisonSetup& setup = plan.setup;
+  std::printf("compare   %s\n", setup.what.c_str());
+  std::size_t width = 0;
+  for (const Method& method : setup.methods) {
+    width = std::max(width, method.label.size());
+  }
+  const char* head = "methods";
+  for (const Method& method : setup.methods) {
+    std::string line = method.label;
+    if (method.label != method.spec) {
+      line +=
+          std::string(width - method.label.size(), ' ') + "  " + method.spec;
+    }
+    std::printf("%-9s %s%s\n",
+                head,
+                line.c_str(),
+                method.label == setup.baseline ? "  (baseline)" : "");
+    head = "";
+  }
+  const auto some = [](std::size_t count, const char* what) {
+    return Format("%zu %s%s", count, what, count == 1 ? "" : "s");
+  };
+  std::printf(
+      "runs      %d: %s x %s x %s x %s; a repetition\n"
+      "          runs all methods on a packing before the next one and "
+      "begins with another method\n",
+      plan.runs,
+      some(setup.methods.size(), "method").c_str(),
+      some(setup.cases.size(), "case").c_str(),
+      some(setup.seeds.size(), "seed").c_str(),
+      some(setup.repetitions, "repetition").c_str());
+  std::fflush(stdout);
+}
+
+// ---------------------------------------------------------------- the binary
+
+using Starts = std::map<std::pair<std::string, std::uint64_t>, Start>;
+
+// By case and seed. False, with one line in `error`, if a state near jamming
+// cannot be made.
+bool MakeStarts(const Plan& plan,
+                Preparation* preparation,
+                Starts* starts,
+                std::string* error) {
+  for (const std::uint64_t seed : plan.setup.seeds) {
+    std::vector<Packing> near;
+    for (const Case& c : plan.setup.cases) {
+      const std::vector<std::uint64_t> seeds = SeedsOf(plan.setup, c);
+      if (std::find(seeds.begin(), seeds.end(), seed) == seeds.end()) continue;
+      Start start;
+      if (c.kind == "near_jamming") {
+        if (near.empty() &&
+            !preparation->NearJamming(seed, plan.distances, &near, error)) {
+          return false;
+        }
+        const auto at =
+            std::find(plan.distances.begin(), plan.distances.end(), c.distance);
+        start.packing = near[at - plan.distances.begin()];
+        start.distance =
+            start.packing.PackingFraction() -
+            std::strtod(start.packing.attributes["phi_j"].c_str(), nullptr);
+      } else if (c.kind == "fig2") {
+        start.packing = preparation->Compressed(seed, plan.phi_fig2);
+      } else if (c.kind == "start") {
+        start.packing = MakeScene(plan.phi, seed).packing;
+      } else {
+        start.packing = preparation->Relaxed(seed);
+      }
+      ApplyLoad(LoadOf(c), seed, &start.packing);
+      (*starts)[{c.id, seed}] = std::move(start);
+    }
+  }
+  return true;
+}
+
+// Seconds that the runs from `done` on will take, from those before.
+class Estimate {
+ public:
+  explicit Estimate(const Plan& plan) : plan_(plan) {}
+
+  void Add(const std::string& id,
+           std::uint64_t seed,
+           int method,
+           double seconds) {
+    known_[{id, seed, method}] = seconds;
+    auto& [sum, count] = by_method_[method];
+    sum += seconds;
+    ++count;
+    total_ += seconds;
+    ++done_;
+  }
+
+  double Left() const {
+    if (known_.size() * plan_.setup.repetitions ==
+        static_cast<std::size_t>(plan_.runs)) {
+      return total_ / done_ * (plan_.runs - done_);
+    }
+    // The first repetition: a method is as slow in other cases as so far.
+    double left = -total_;
+    for (const Case& c : plan_.setup.cases) {
+      for (const std::uint64_t seed : SeedsOf(plan_.setup, c)) {
+        for (int m = 0; m < static_cast<int>(plan_.solvers.size()); ++m) {
+          const auto found = known_.find({c.id, seed, m});
+          const auto method = by_method_.find(m);
+          left += plan_.setup.repetitions *
+                  (found != known_.end() ? found->second
+                   : method != by_method_.end()
+                       ? method->second.first / method->second.second
+                       : total_ / done_);
+        }
+      }
+    }
+    return left;
+  }
+
+  int done() const { return done_; }
+
+ private:
+  const Plan& plan_;
+  std::map<std::tuple<std::string, std::uint64_t, int>, double> known_;
+  std::map<int, std::pair<double, int>> by_method_;
+  double total_ = 0.0;
+  int done_ = 0;
+};
+
+void RunAll(const Plan& plan,
+            const Starts& starts,
+            Output* output,
+            Records* records) {
+  const ComparisonSetup& setup = plan.setup;
+  Progress progress;
+  Estimate estimate(plan);
+  const double began = WallSeconds();
+  double written = began;
+  const auto write = [&] {
+    output->Write("events.csv", EventsCsv(records->events));
+    output->Write("runs.csv", RunsCsv(records->runs));
+    output->Write("curves.csv", CurvesCsv(records->curves));
+  };
+  for (int r = 0; r < setup.repetitions; ++r) {
+    for (const Case& c : setup.cases) {
+      for (const std::uint64_t seed : SeedsOf(setup, c)) {
+        int position = 0;
+        for (const int m :
+             MethodOrder(static_cast<int>(plan.solvers.size()), r)) {
+          const Method& method = setup.methods[m];
+          const double run_began = WallSeconds();
+          const auto show = [&](const IterationState& state) {
+            if (!progress.Due()) return;
+            progress.Show(Format(
+                "run %d of %d, %.0f s gone%s | %s, %s, iteration %lld: "
+                "|g| / mean force %.1e",
+                estimate.done() + 1,
+                plan.runs,
+                WallSeconds() - began,
+                estimate.done() > 0
+                    ? Format(", about %.0f s left", estimate.Left()).c_str()
+                    : "",
+                c.id.c_str(),
+                method.label.c_str(),
+                static_cast<long long>(state.counters.iterations),
+                state.scales.gradient > 0.0
+                    ? state.max_gradient / state.scales.gradient
+                    : 0.0));
+          };
+          RunOne({c.id, seed, r + 1, method.label, method.spec},
+                 ++position,
+                 starts.at({c.id, seed}),
+                 plan.scene.energy,
+                 *plan.solvers[m],
+                 setup,
+                 show,
+                 records);
+          const double now = WallSeconds();
+          estimate.Add(c.id, seed, m, now - run_began);
+          // What is on disk is never old.
+          if (now - written > 10.0) {
+            write();
+            written = now;
+          }
+        }
+      }
+    }
+  }
+  write();
+}
+
+Json SummaryJson(const Plan& plan,
+                 const Preparation& preparation,
+                 const Records& records,
+                 const std::vector<Table>& tables) {
+  const Scene& scene = plan.scene;
+  std::size_t converged = 0;
+  for (const RunRecord& run : records.runs) converged += run.converged ? 1 : 0;
+  Json json;
+  json["converged"] = converged == records.runs.size();
+  json["runs"] = records.runs.size();
+  json["runs_converged"] = converged;
+  json["alpha"] = scene.energy.alpha;
+  json["k"] = scene.energy.stiffness;
+  json["dimension"] = scene.packing.dimension();
+  json["particles"] = scene.packing.size();
+  json["prepare_solver"] = plan.prepare->name();
+  json["prepared"] = preparation.json();
+  json["tables"] = Json::array();
+  for (const Table& table : tables) {
+    Json one;
+    one["case"] = table.table_case.id;
+    one["absolute"] = table.level.absolute;
+    one["level"] = table.level.value;
+    one["rows"] = Json::array();
+    for (const TableRow& row : table.rows) {
+      // Infinite (never reached) is null in JSON.
+      one["rows"].push_back({{"solver", row.method.label},
+                             {"runs", row.runs},
+                             {"reached", row.reached},
+                             {"iterations", row.iterations.median},
+                             {"evaluations", row.evaluations.median},
+                             {"cpu_seconds", row.cpu_seconds.median},
+                             {"ratio", row.ratio.median},
+                             {"minima", row.minima},
+                             {"end", row.end}});
+    }
+    json["tables"].push_back(one);
+  }
+  json["setup"] = Json::parse(FormatSetup(plan.setup));
+  json["schema"] = "granopt/compare/1";
+  json["provenance"] = Provenance();
+  return json;
+}
+
+int Main() {
+  ListSolversIfAsked();
+  if (IsGiven("replot")) {
+    if (FLAGS_replot.empty()) BadInput("--replot= is empty");
+    return Replot();
+  }
+  const Plan plan = MakePlan();
+  std::vector<std::string> names = {"setup.json",
+                                    "events.csv",
+                                    "runs.csv",
+                                    "curves.csv",
+                                    "tables.csv",
+                                    "tables.md",
+                                    "summary.json"};
+  AddPictures(kMostCases, &names);
+  Output output;
+  output.Create(FLAGS_out, names);
+  PrintPlan(plan);
+  output.Write("setup.json", FormatSetup(plan.setup));
+
+  Preparation preparation(plan.scene, *plan.prepare, plan.phi, &output);
+  Starts starts;
+  std::string error;
+  if (!MakeStarts(plan, &preparation, &starts, &error)) {
+    preparation.ClearProgress();
+    std::fprintf(stderr, "compare: near_jamming: %s\n", error.c_str());
+    return kNotConverged;
+  }
+  preparation.ClearProgress();
+  const char* head = "prepared";
+  for (const std::string& line : preparation.lines()) {
+    std::printf("%-9s %s\n", head, line.c_str());
+    head = "";
+  }
+  if (FLAGS_input.empty() || preparation.lines().size() > 1) {
+    std::printf(
+        "          (kept as prepared_<name>.xyz; used again by a later "
+        "comparison in this folder)\n");
+  }
+  std::fflush(stdout);
+
+  Records records;
+  RunAll(plan, starts, &output, &records);
+  const std::vector<Table> tables =
+      Report(plan.setup, output.folder(), ReadRaw(output.folder()), &output);
+  output.WriteJson("summary.json",
+                   SummaryJson(plan, preparation, records, tables));
+  output.PrintFiles();
+  bool converged = true;
+  for (const RunRecord& run : records.runs) {
+    converged = converged && run.converged;
+  }
+  return converged ? kConverged : kNotConverged;
+}
+
+}  // namespace
+}  // namespace granopt
+
+int main(int argc, char** argv) {
+  granopt::ParseFlags(&argc,
+                      &argv,
+                      "compare methods on the same packings: work, time and "
+                      "where they end, with tables and figures");
+  return granopt::Main();
+}

@@ -1,0 +1,1319 @@
+#include "experiments/comparison.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <limits>
+#include <map>
+#include <set>
+#include <tuple>
+
+#include "solvers/format.h"
+
+namespace granopt {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+bool Fail(const std::string& line, std::string* error) {
+  *error = line;
+  return false;
+}
+
+std::string Trimmed(const std::string& text) {
+  const std::size_t first = text.find_first_not_of(' ');
+  if (first == std::string::npos) return "";
+  return text.substr(first, text.find_last_not_of(' ') - first + 1);
+}
+
+std::vector<std::string> Split(const std::string& text, char separator) {
+  std::vector<std::string> parts(1);
+  for (const char c : text) {
+    if (c == separator)
+      parts.emplace_back();
+    else
+      parts.back() += c;
+  }
+  for (std::string& part : parts) part = Trimmed(part);
+  return parts;
+}
+
+bool ParseDouble(const std::string& text, double* value) {
+  char* end = nullptr;
+  *value = std::strtod(text.c_str(), &end);
+  return !text.empty() && *end == '\0';
+}
+
+bool ParseInteger(const std::string& text, std::int64_t* value) {
+  char* end = nullptr;
+  *value = std::strtoll(text.c_str(), &end, 10);
+  return !text.empty() && *end == '\0';
+}
+
+struct Kind {
+  const char* name;
+  double value;  // default; 0: the kind has none
+  double largest;
+};
+
+// Values beyond these are no small loads but mistakes.
+constexpr Kind kKinds[] = {{"growth", 5e-5, 1.0},
+                           {"simple_shear", 1e-4, 1e3},
+                           {"pure_shear", 1e-4, 1e3},
+                           {"random", 1e-4, 1.0},
+                           {"fig2", 5e-5, 1.0},
+                           {"near_jamming", 1e-6, 1.0},
+                           {"start", 0.0, 0.0},
+                           {"user", 0.0, 0.0}};
+
+// "growth=5e-5: radii x (1 + 5e-5), positions fixed".
+std::string Meaning(const Case& c) {
+  const std::string value = Neat(c.value);
+  if (c.kind == "growth") return "radii x (1 + " + value + "), positions fixed";
+  if (c.kind == "simple_shear") return "simple shear strain " + value;
+  if (c.kind == "pure_shear") return "pure shear strain " + value;
+  if (c.kind == "random") {
+    return "each coordinate displaced by up to " + value + " of the box";
+  }
+  if (c.kind == "fig2") {
+    return "radii x (1 + " + value + ") from a state compressed to phi";
+  }
+  if (c.kind == "near_jamming") {
+    return "simple shear strain " + value + " at phi = phi_J + " +
+           Neat(c.distance);
+  }
+  if (c.kind == "start") return "a random start, unrelaxed";
+  return "the input as it is";
+}
+
+std::string Meaning(const Level& level) {
+  return "max|g| <= " + Neat(level.value) +
+         (level.absolute ? " (k = 1, box = 1)" : " mean forces");
+}
+
+// ---------------------------------------------------------------- CSV
+
+std::string Field(const std::string& text) {
+  if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) {
+    if (c == '"') quoted += '"';
+    quoted += c;
+  }
+  return quoted + "\"";
+}
+
+std::string Number(double value) { return Format("%.17g", value); }
+std::string Number(std::int64_t value) {
+  return Format("%lld", static_cast<long long>(value));
+}
+
+// Reads rows by the names of their columns.
+class CsvReader {
+ public:
+  CsvReader(const std::string& text, const std::string& name)
+      : text_(text), name_(name) {}
+
+  // The header.
+  bool Begin(std::string* error) {
+    std::vector<std::string> names;
+    if (!Next(&names)) return Fail(name_ + ": empty", error);
+    for (std::size_t k = 0; k < names.size(); ++k) columns_[names[k]] = k;
+    return true;
+  }
+
+  // The next row; false at the end.
+  bool Row() {
+    while (Next(&row_)) {
+      if (row_.size() > 1 || !row_[0].empty()) return true;
+    }
+    return false;
+  }
+
+  void Read(const char* column, std::string* value) {
+    const auto found = columns_.find(column);
+    if (found == columns_.end()) {
+      Complain(1, std::string("no column ") + column);
+    } else if (found->second >= row_.size()) {
+      Complain(
+          line_,
+          Format("%zu columns, expected %zu", row_.size(), columns_.size()));
+    } else {
+      *value = row_[found->second];
+    }
+  }
+  void Read(const char* column, double* value) {
+    std::string text;
+    Read(column, &text);
+    if (!ParseDouble(text, value)) NotNumber(column, text);
+  }
+  void Read(const char* column, std::int64_t* value) {
+    std::string text;
+    Read(column, &text);
+    if (!ParseInteger(text, value)) NotNumber(column, text);
+  }
+  void Read(const char* column, int* value) {
+    std::int64_t wide = 0;
+    Read(column, &wide);
+    *value = static_cast<int>(wide);
+  }
+  void Read(const char* column, std::uint64_t* value) {
+    std::string text;
+    Read(column, &text);
+    char* end = nullptr;
+    *value = std::strtoull(text.c_str(), &end, 10);
+    if (text.empty() || *end != '\0') NotNumber(column, text);
+  }
+  void Complain(const std::string& what) { Complain(line_, what); }
+
+  // The first complaint.
+  const std::string& error() const { return error_; }
+
+ private:
+  void NotNumber(const char* column, const std::string& text) {
+    Complain(line_, std::string(column) + ": '" + text + "' is not a number");
+  }
+  void Complain(int line, const std::string& what) {
+    if (error_.empty()) error_ = Format("%s:%d: ", name_.c_str(), line) + what;
+  }
+
+  bool Next(std::vector<std::string>* fields) {
+    if (at_ >= text_.size()) return false;
+    ++line_;
+    fields->assign(1, "");
+    bool quoted = false;
+    for (; at_ < text_.size(); ++at_) {
+      const char c = text_[at_];
+      if (quoted) {
+        if (c != '"') {
+          fields->back() += c;
+        } else if (at_ + 1 < text_.size() && text_[at_ + 1] == '"') {
+          fields->back() += text_[++at_];
+        } else {
+          quoted = false;
+        }
+      } else if (c == '"') {
+        quoted = true;
+      } else if (c == ',') {
+        fields->emplace_back();
+      } else if (c == '\n') {
+        ++at_;
+        return true;
+      } else if (c != '\r') {
+        fields->back() += c;
+      }
+    }
+    return true;
+  }
+
+  const std::string& text_;
+  const std::string name_;
+  std::size_t at_ = 0;
+  int line_ = 0;
+  std::map<std::string, std::size_t> columns_;
+  std::vector<std::string> row_;
+  std::string error_;
+};
+
+std::string KeyFields(const RunKey& key) {
+  return Field(key.case_id) + "," +
+         Format("%llu,%d,",
+                static_cast<unsigned long long>(key.seed),
+                key.repetition) +
+         Field(key.label) + "," + Field(key.spec) + ",";
+}
+constexpr char kKeyColumns[] = "case,seed,repetition,solver,spec,";
+
+void ReadKey(CsvReader* reader, RunKey* key) {
+  reader->Read("case", &key->case_id);
+  reader->Read("seed", &key->seed);
+  reader->Read("repetition", &key->repetition);
+  reader->Read("solver", &key->label);
+  reader->Read("spec", &key->spec);
+}
+
+std::string WorkFields(const Work& work) {
+  return Number(work.iterations) + "," + Number(work.evaluations) + "," +
+         Number(work.hessians) + "," + Number(work.factorizations) + "," +
+         Number(work.solves) + "," + Number(work.linear_iterations) +
+         Format(",%.9g,%.4f,%.4f",
+                work.cpu_seconds,
+                work.function_share,
+                work.linear_share);
+}
+constexpr char kWorkColumns[] =
+    "iterations,evaluations,hessians,factorizations,solves,linear_iterations,"
+    "cpu_seconds,function_share,linear_share";
+
+void ReadWork(CsvReader* reader, Work* work) {
+  reader->Read("iterations", &work->iterations);
+  reader->Read("evaluations", &work->evaluations);
+  reader->Read("hessians", &work->hessians);
+  reader->Read("factorizations", &work->factorizations);
+  reader->Read("solves", &work->solves);
+  reader->Read("linear_iterations", &work->linear_iterations);
+  reader->Read("cpu_seconds", &work->cpu_seconds);
+  reader->Read("function_share", &work->function_share);
+  reader->Read("linear_share", &work->linear_share);
+}
+
+// ---------------------------------------------------------------- text
+
+// Characters, not bytes.
+int Width(const std::string& text) {
+  int width = 0;
+  for (const char c : text) width += (static_cast<unsigned char>(c) >> 6) != 2;
+  return width;
+}
+
+// The first column to the left, the others to the right, but for the last
+// `words` ones.
+std::string Grid(const std::vector<std::vector<std::string>>& rows,
+                 int words,
+                 bool markdown) {
+  const int columns = static_cast<int>(rows[0].size());
+  std::vector<int> width(columns, 0);
+  for (const auto& row : rows) {
+    for (int c = 0; c < columns; ++c) {
+      width[c] = std::max(width[c], Width(row[c]));
+    }
+  }
+  std::string text;
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    std::string line = markdown ? "|" : "   ";
+    for (int c = 0; c < columns; ++c) {
+      const std::string& word = rows[r][c];
+      if (markdown) {
+        line += " ";
+        for (const char ch : word)
+          line += ch == '|' ? "\\|" : std::string(1, ch);
+        line += " |";
+        continue;
+      }
+      const std::string air(width[c] - Width(word), ' ');
+      const bool left = c == 0 || c >= columns - words;
+      line += (c == 0 ? " " : "  ") + (left ? word + air : air + word);
+    }
+    text += line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
+    if (markdown && r == 0) {
+      text += "|";
+      for (int c = 0; c < columns; ++c) {
+        text += c == 0 || c >= columns - words ? " --- |" : " ---: |";
+      }
+      text += "\n";
+    }
+  }
+  return text;
+}
+
+std::string Count(double value) {
+  return std::isinf(value) ? "never" : Format("%.0f", value);
+}
+std::string Seconds(double value) {
+  return std::isinf(value) ? "never" : Format("%.3g", value);
+}
+std::string Ratio(double value) {
+  return std::isinf(value) ? "never"
+                           : Format(value < 0.095 ? "%.2g" : "%.2f", value);
+}
+
+// "2015", "2015 (1980-2100)", ">5000" if the median run never got there.
+template <typename Print>
+std::string Spread(const Quantiles& q, double spent, const Print& print) {
+  if (std::isnan(q.median)) return "-";
+  if (std::isinf(q.median)) {
+    return std::isnan(spent) ? "-" : ">" + print(spent);
+  }
+  const std::string middle = print(q.median);
+  const std::string low = print(q.low), high = print(q.high);
+  if (low == middle && high == middle) return middle;
+  return middle + " (" + low + "-" + high + ")";
+}
+
+// "A", or "A 2, B 1" with the number of runs.
+std::string Tally(const std::vector<std::string>& words) {
+  std::map<std::string, int> count;
+  for (const std::string& word : words) ++count[word];
+  if (count.empty()) return "not run";
+  if (count.size() == 1) return count.begin()->first;
+  std::string text;
+  for (const auto& [word, n] : count) {
+    text += (text.empty() ? "" : ", ") + word + " " + std::to_string(n);
+  }
+  return text;
+}
+
+std::string EndOf(const RunRecord& run) {
+  if (run.stop_reason == StopReasonName(StopReason::CONVERGED)) {
+    return "converged";
+  }
+  if (run.stop_reason == StopReasonName(StopReason::VANISHED)) {
+    return "unjammed";
+  }
+  return run.stop_reason;
+}
+
+double Median(const std::vector<double>& values) {
+  return QuantilesOf(values).median;
+}
+
+// "1", "1-3", "1, 3".
+std::string Numbers(const std::set<int>& numbers) {
+  if (numbers.size() > 2 && *numbers.rbegin() - *numbers.begin() + 1 ==
+                                static_cast<int>(numbers.size())) {
+    return Format("%d-%d", *numbers.begin(), *numbers.rbegin());
+  }
+  std::string text;
+  for (const int n : numbers) {
+    text += (text.empty() ? "" : ", ") + std::to_string(n);
+  }
+  return text;
+}
+
+// What a reader must know about the runs of a case beyond its tables.
+std::vector<std::string> Notes(const ComparisonSetup& setup,
+                               const Case& c,
+                               const std::vector<RunRecord>& runs) {
+  std::vector<std::string> notes;
+  // Failures, equal ones of several repetitions together.
+  std::vector<std::pair<std::string, std::set<int>>> failures;
+  using Counts = std::pair<std::int64_t, std::int64_t>;
+  std::map<std::pair<std::uint64_t, std::string>, Counts> counts;
+  std::set<std::string> differ;
+  // Minima by seed: energy and methods.
+  std::map<std::uint64_t,
+           std::map<std::string, std::pair<double, std::vector<std::string>>>>
+      minima;
+  for (const RunRecord& run : runs) {
+    const RunKey& key = run.key;
+    if (key.case_id != c.id) continue;
+    if (!run.converged) {
+      const std::string line =
+          key.label +
+          (setup.seeds.size() > 1
+               ? Format(", seed %llu",
+                        static_cast<unsigned long long>(key.seed))
+               : "") +
+          ": " + run.stop_reason + ", " + run.message;
+      auto found = std::find_if(
+          failures.begin(), failures.end(), [&](const auto& failure) {
+            return failure.first == line;
+          });
+      if (found == failures.end()) {
+        failures.push_back({line, {}});
+        found = failures.end() - 1;
+      }
+      found->second.insert(key.repetition);
+    }
+    const Counts now = {run.work.iterations, run.work.evaluations};
+    const auto first =
+        counts.insert({{key.seed, key.label}, now}).first->second;
+    if (first != now &&
+        run.stop_reason != StopReasonName(StopReason::MAX_SECONDS)) {
+      differ.insert(key.label);
+    }
+    auto& minimum = minima[key.seed][run.minimum];
+    minimum.first = run.energy;
+    if (std::find(minimum.second.begin(), minimum.second.end(), key.label) ==
+        minimum.second.end()) {
+      minimum.second.push_back(key.label);
+    }
+  }
+  for (const auto& [line, repetitions] : failures) {
+    notes.push_back(
+        "! " + line +
+        (setup.repetitions > 1
+             ? (repetitions.size() == 1 ? " (repetition " : " (repetitions ") +
+                   Numbers(repetitions) + ")"
+             : ""));
+  }
+  for (const std::string& label : differ) {
+    notes.push_back("! " + label +
+                    ": counts differ between repetitions, which they should "
+                    "not");
+  }
+  int alike = 0;
+  for (const auto& [seed, tags] : minima) {
+    if (tags.size() == 1 && tags.begin()->first != "-") {
+      ++alike;
+      continue;
+    }
+    std::string line =
+        Format("seed %llu ends in ", static_cast<unsigned long long>(seed));
+    bool first = true;
+    for (const auto& [tag, minimum] : tags) {
+      std::string labels;
+      for (const std::string& label : minimum.second) {
+        labels += (labels.empty() ? "" : ", ") + label;
+      }
+      line +=
+          (first ? "" : "; ") +
+          (tag == "-"   ? "no minimum"
+           : tag == "0" ? "E = 0"
+                        : Format("%s, E = %.10g", tag.c_str(), minimum.first)) +
+          " (" + labels + ")";
+      first = false;
+    }
+    notes.push_back(line);
+  }
+  if (alike > 0 && alike == static_cast<int>(minima.size())) {
+    notes.push_back(minima.size() == 1
+                        ? "all runs end in one minimum"
+                        : "all runs of a seed end in one minimum");
+  }
+  return notes;
+}
+
+}  // namespace
+
+// ---------------------------------------------------------------- the plan
+
+std::string Neat(double value) {
+  const double size = std::abs(value);
+  const bool scientific = size > 0.0 && (size < 0.1 || size >= 1e6);
+  std::string text;
+  for (int digits = 1; digits <= 17; ++digits) {
+    text = scientific ? Format("%.*e", digits - 1, value)
+                      : Format("%.*g", std::max(digits, 6), value);
+    if (std::strtod(text.c_str(), nullptr) == value) break;
+  }
+  const std::size_t e = text.find('e');
+  if (e == std::string::npos) return text;
+  const int exponent = std::atoi(text.c_str() + e + 1);
+  return text.substr(0, e + 1) + std::to_string(exponent);
+}
+
+bool ParseMethods(const std::string& text,
+                  std::vector<Method>* methods,
+                  std::string* error) {
+  methods->clear();
+  std::set<std::string> labels;
+  for (const std::string& entry : Split(text, ';')) {
+    const std::size_t at = entry.find('@');
+    Method method;
+    method.spec =
+        at == std::string::npos ? entry : Trimmed(entry.substr(at + 1));
+    method.label =
+        at == std::string::npos ? entry : Trimmed(entry.substr(0, at));
+    if (method.label.empty() || method.spec.empty()) {
+      return Fail("'" + text +
+                      "' has an empty entry; expected "
+                      "spec;label@spec;...",
+                  error);
+    }
+    if (!labels.insert(method.label).second) {
+      return Fail("'" + method.label + "' is given twice", error);
+    }
+    methods->push_back(method);
+  }
+  return true;
+}
+
+bool ParseCases(const std::string& text,
+                const std::vector<double>& distances,
+                double shear,
+                std::vector<Case>* cases,
+                std::string* error) {
+  cases->clear();
+  std::set<std::string> ids;
+  for (const std::string& entry : Split(text, ',')) {
+    const std::size_t equals = entry.find('=');
+    const std::string name = entry.substr(0, equals);
+    const Kind* kind = nullptr;
+    std::string known;
+    for (const Kind& candidate : kKinds) {
+      if (name == candidate.name) kind = &candidate;
+      known += (known.empty() ? "" : ", ") + std::string(candidate.name);
+    }
+    if (kind == nullptr) {
+      return Fail("unknown case '" + name + "'; known are " + known, error);
+    }
+    Case c;
+    c.kind = name;
+    c.value = name == "near_jamming" ? shear : kind->value;
+    if (equals != std::string::npos) {
+      if (kind->value == 0.0) {
+        return Fail("the case " + name + " takes no value", error);
+      }
+      const std::string value = entry.substr(equals + 1);
+      if (!ParseDouble(value, &c.value) || !(c.value > 0.0) ||
+          c.value > kind->largest) {
+        return Fail(
+            entry + ": the value must be in (0, " + Neat(kind->largest) + "]",
+            error);
+      }
+    }
+    c.id = kind->value == 0.0 ? name : name + "=" + Neat(c.value);
+    const bool near = name == "near_jamming";
+    for (std::size_t k = 0; k < (near ? distances.size() : 1); ++k) {
+      Case one = c;
+      if (near) {
+        one.distance = distances[k];
+        one.id += " at " + Neat(distances[k]);
+      }
+      if (!ids.insert(one.id).second) {
+        return Fail("the case " + one.id + " is given twice", error);
+      }
+      cases->push_back(one);
+    }
+  }
+  return true;
+}
+
+bool ParseNumbers(const std::string& text,
+                  std::vector<double>* numbers,
+                  std::string* error) {
+  numbers->clear();
+  for (const std::string& entry : Split(text, ',')) {
+    double value = 0.0;
+    if (!ParseDouble(entry, &value) || !(value > 0.0) ||
+        !std::isfinite(value)) {
+      return Fail("'" + entry + "' is not a positive number", error);
+    }
+    if (std::count(numbers->begin(), numbers->end(), value) > 0) {
+      return Fail("'" + entry + "' is given twice", error);
+    }
+    numbers->push_back(value);
+  }
+  return true;
+}
+
+bool ParseSeeds(const std::string& text,
+                std::vector<std::uint64_t>* seeds,
+                std::string* error) {
+  constexpr std::uint64_t kMost = 100000;
+  seeds->clear();
+  for (const std::string& entry : Split(text, ',')) {
+    const std::size_t dash = entry.find('-');
+    std::int64_t first = -1, last = -1;
+    if (!ParseInteger(entry.substr(0, dash), &first) || first < 0)
+      last = -1;
+    else if (dash == std::string::npos)
+      last = first;
+    else if (!ParseInteger(entry.substr(dash + 1), &last))
+      last = -1;
+    if (first < 0 || last < first ||
+        seeds->size() + static_cast<std::uint64_t>(last - first) >= kMost) {
+      return Fail("'" + entry + "' is no seed and no range of seeds like 1-3",
+                  error);
+    }
+    for (std::int64_t seed = first; seed <= last; ++seed) {
+      if (std::count(seeds->begin(),
+                     seeds->end(),
+                     static_cast<std::uint64_t>(seed)) > 0) {
+        return Fail(
+            Format("seed %lld is given twice", static_cast<long long>(seed)),
+            error);
+      }
+      seeds->push_back(static_cast<std::uint64_t>(seed));
+    }
+  }
+  return true;
+}
+
+std::vector<int> MethodOrder(int methods, int repetition) {
+  std::vector<int> order(methods);
+  const int step = repetition % 2 == 0 ? 1 : methods - 1;
+  int at = repetition % methods;
+  for (int& index : order) {
+    index = at;
+    at = (at + step) % methods;
+  }
+  return order;
+}
+
+std::vector<Level> Ladder(const std::vector<Level>& more) {
+  std::vector<Level> ladder;
+  // Parsed, not computed: 1e-13 here is 1e-13 on the command line.
+  for (int e = 1; e <= 15; ++e) {
+    ladder.push_back({false, std::strtod(Format("1e-%d", e).c_str(), nullptr)});
+  }
+  for (int e = 4; e <= 16; ++e) {
+    ladder.push_back({true, std::strtod(Format("1e-%d", e).c_str(), nullptr)});
+  }
+  for (const Level& level : more) {
+    if (std::find(ladder.begin(), ladder.end(), level) == ladder.end()) {
+      ladder.push_back(level);
+    }
+  }
+  std::sort(ladder.begin(), ladder.end(), [](const Level& a, const Level& b) {
+    if (a.absolute != b.absolute) return b.absolute;
+    return a.value > b.value;
+  });
+  return ladder;
+}
+
+std::string FormatSetup(const ComparisonSetup& setup) {
+  Json json;
+  json["schema"] = "granopt/compare-setup/1";
+  json["paper"] = setup.paper;
+  json["what"] = setup.what;
+  json["cases"] = Json::array();
+  for (const Case& c : setup.cases) {
+    json["cases"].push_back({{"id", c.id},
+                             {"kind", c.kind},
+                             {"value", c.value},
+                             {"distance", c.distance}});
+  }
+  json["solvers"] = Json::array();
+  for (const Method& method : setup.methods) {
+    json["solvers"].push_back({{"label", method.label}, {"spec", method.spec}});
+  }
+  json["seeds"] = setup.seeds;
+  json["repetitions"] = setup.repetitions;
+  json["levels"] = Json::array();
+  for (const Level& level : setup.levels) {
+    json["levels"].push_back(
+        {{"absolute", level.absolute}, {"value", level.value}});
+  }
+  json["baseline"] = setup.baseline;
+  json["assumptions"] = Json::array();
+  for (const auto& [open, assumed] : setup.assumptions) {
+    json["assumptions"].push_back({{"open", open}, {"assumed", assumed}});
+  }
+  return json.dump(2) + "\n";
+}
+
+bool ParseSetup(const std::string& text,
+                const std::string& name,
+                ComparisonSetup* setup,
+                std::string* error) {
+  try {
+    const Json json = Json::parse(text);
+    ComparisonSetup result;
+    result.paper = json.at("paper").get<std::string>();
+    result.what = json.at("what").get<std::string>();
+    for (const Json& c : json.at("cases")) {
+      result.cases.push_back({c.at("id").get<std::string>(),
+                              c.at("kind").get<std::string>(),
+                              c.at("value").get<double>(),
+                              c.at("distance").get<double>()});
+    }
+    for (const Json& method : json.at("solvers")) {
+      result.methods.push_back({method.at("label").get<std::string>(),
+                                method.at("spec").get<std::string>()});
+    }
+    result.seeds = json.at("seeds").get<std::vector<std::uint64_t>>();
+    result.repetitions = json.at("repetitions").get<int>();
+    for (const Json& level : json.at("levels")) {
+      result.levels.push_back(
+          {level.at("absolute").get<bool>(), level.at("value").get<double>()});
+    }
+    result.baseline = json.at("baseline").get<std::string>();
+    for (const Json& row : json.at("assumptions")) {
+      result.assumptions.emplace_back(row.at("open").get<std::string>(),
+                                      row.at("assumed").get<std::string>());
+    }
+    if (result.cases.empty() || result.methods.empty() ||
+        result.levels.empty()) {
+      return Fail(name + ": no cases, solvers or levels", error);
+    }
+    *setup = std::move(result);
+    return true;
+  } catch (const Json::exception& e) {
+    return Fail(name + ": " + e.what(), error);
+  }
+}
+
+// ---------------------------------------------------------------- raw events
+
+Work MakeWork(const Counters& counters,
+              double cpu_seconds,
+              double seconds,
+              double function_seconds,
+              double linear_seconds) {
+  Work work;
+  work.iterations = counters.iterations;
+  work.evaluations = counters.evaluations;
+  work.hessians = counters.hessians;
+  work.factorizations = counters.factorizations;
+  work.solves = counters.solves;
+  work.linear_iterations = counters.linear_iterations;
+  work.cpu_seconds = cpu_seconds;
+  if (seconds > 0.0) {
+    work.function_share = function_seconds / seconds;
+    work.linear_share = linear_seconds / seconds;
+  }
+  return work;
+}
+
+std::string EventsCsv(const std::vector<Event>& events) {
+  std::string csv =
+      std::string(kKeyColumns) + "kind,level," + kWorkColumns + ",energy\n";
+  for (const Event& event : events) {
+    csv += KeyFields(event.key) +
+           (event.level.absolute ? "absolute," : "relative,") +
+           Neat(event.level.value) + "," + WorkFields(event.work) + "," +
+           Number(event.energy) + "\n";
+  }
+  return csv;
+}
+
+bool ParseEvents(const std::string& text,
+                 const std::string& name,
+                 std::vector<Event>* events,
+                 std::string* error) {
+  events->clear();
+  CsvReader reader(text, name);
+  if (!reader.Begin(error)) return false;
+  while (reader.Row()) {
+    Event event;
+    ReadKey(&reader, &event.key);
+    std::string kind;
+    reader.Read("kind", &kind);
+    if (kind != "absolute" && kind != "relative") {
+      reader.Complain("kind '" + kind + "' is neither absolute nor relative");
+    }
+    event.level.absolute = kind == "absolute";
+    reader.Read("level", &event.level.value);
+    ReadWork(&reader, &event.work);
+    reader.Read("energy", &event.energy);
+    if (!reader.error().empty()) return Fail(reader.error(), error);
+    events->push_back(event);
+  }
+  return true;
+}
+
+std::string RunsCsv(const std::vector<RunRecord>& runs) {
+  std::string csv =
+      std::string(kKeyColumns) +
+      "position,converged,stop_reason,message,residual,quad_residual,"
+      "quad_max_gradient,energy,pressure,phi,rattlers,minimum,distance,"
+      "list_builds," +
+      kWorkColumns + ",seconds\n";
+  for (const RunRecord& run : runs) {
+    csv += KeyFields(run.key) +
+           Format("%d,%d,", run.position, run.converged ? 1 : 0) +
+           run.stop_reason + "," + Field(run.message) + "," +
+           Number(run.residual) + "," + Number(run.quad_residual) + "," +
+           Number(run.quad_max_gradient) + "," + Number(run.energy) + "," +
+           Number(run.pressure) + "," + Number(run.phi) +
+           Format(",%d,", run.rattlers) + run.minimum + "," +
+           Number(run.distance) + "," + Number(run.list_builds) + "," +
+           WorkFields(run.work) + Format(",%.9g\n", run.seconds);
+  }
+  return csv;
+}
+
+bool ParseRuns(const std::string& text,
+               const std::string& name,
+               std::vector<RunRecord>* runs,
+               std::string* error) {
+  runs->clear();
+  CsvReader reader(text, name);
+  if (!reader.Begin(error)) return false;
+  while (reader.Row()) {
+    RunRecord run;
+    ReadKey(&reader, &run.key);
+    int converged = 0;
+    reader.Read("position", &run.position);
+    reader.Read("converged", &converged);
+    run.converged = converged != 0;
+    reader.Read("stop_reason", &run.stop_reason);
+    reader.Read("message", &run.message);
+    reader.Read("residual", &run.residual);
+    reader.Read("quad_residual", &run.quad_residual);
+    reader.Read("quad_max_gradient", &run.quad_max_gradient);
+    reader.Read("energy", &run.energy);
+    reader.Read("pressure", &run.pressure);
+    reader.Read("phi", &run.phi);
+    reader.Read("rattlers", &run.rattlers);
+    reader.Read("minimum", &run.minimum);
+    reader.Read("distance", &run.distance);
+    reader.Read("list_builds", &run.list_builds);
+    ReadWork(&reader, &run.work);
+    reader.Read("seconds", &run.seconds);
+    if (!reader.error().empty()) return Fail(reader.error(), error);
+    runs->push_back(run);
+  }
+  return true;
+}
+
+std::string CurvesCsv(const std::vector<CurveRow>& rows) {
+  std::string csv =
+      "case,seed,solver,iteration,evaluations,cpu_seconds,residual,"
+      "max_gradient,energy\n";
+  for (const CurveRow& row : rows) {
+    csv += Field(row.case_id) + "," +
+           Format("%llu,", static_cast<unsigned long long>(row.seed)) +
+           Field(row.label) +
+           Format(",%lld,%lld,%.7g,%.7g,%.7g,%.17g\n",
+                  static_cast<long long>(row.iteration),
+                  static_cast<long long>(row.evaluations),
+                  row.cpu_seconds,
+                  row.residual,
+                  row.max_gradient,
+                  row.energy);
+  }
+  return csv;
+}
+
+Crossings::Crossings(const std::vector<Level>& ladder, double force_unit)
+    : force_unit_(force_unit) {
+  for (const Level& level : ladder) {
+    (level.absolute ? absolute_ : relative_).push_back(level);
+  }
+  const auto smaller = [](const Level& a, const Level& b) {
+    return a.value < b.value;
+  };
+  std::sort(relative_.begin(), relative_.end(), smaller);
+  std::sort(absolute_.begin(), absolute_.end(), smaller);
+}
+
+bool Crossings::Due(double max_gradient, double force_scale) const {
+  return (!relative_.empty() &&
+          max_gradient <= Bound(relative_.back(), force_scale)) ||
+         (!absolute_.empty() &&
+          max_gradient <= Bound(absolute_.back(), force_scale));
+}
+
+void Crossings::Note(const RunKey& key,
+                     double max_gradient,
+                     double force_scale,
+                     const Work& work,
+                     double energy,
+                     std::vector<Event>* events) {
+  for (std::vector<Level>* levels : {&relative_, &absolute_}) {
+    while (!levels->empty() &&
+           max_gradient <= Bound(levels->back(), force_scale)) {
+      events->push_back({key, levels->back(), work, energy});
+      levels->pop_back();
+    }
+  }
+}
+
+std::vector<int> ThinTrace(const std::vector<double>& residuals, int buckets) {
+  const int n = static_cast<int>(residuals.size());
+  std::set<int> kept;
+  if (n == 0) return {};
+  kept.insert(0);
+  kept.insert(n - 1);
+  const auto keep = [&](int begin, int end) {
+    if (begin >= end) return;
+    const auto first = residuals.begin();
+    kept.insert(
+        static_cast<int>(std::min_element(first + begin, first + end) - first));
+    kept.insert(
+        static_cast<int>(std::max_element(first + begin, first + end) - first));
+  };
+  for (int b = 0; b < buckets; ++b) {
+    keep(static_cast<int>(static_cast<std::int64_t>(n) * b / buckets),
+         static_cast<int>(static_cast<std::int64_t>(n) * (b + 1) / buckets));
+    keep(static_cast<int>(std::pow(n, static_cast<double>(b) / buckets)),
+         static_cast<int>(std::pow(n, static_cast<double>(b + 1) / buckets)));
+  }
+  return {kept.begin(), kept.end()};
+}
+
+// ---------------------------------------------------------------- minima
+
+std::string Minima::Tag(double energy,
+                        double residual,
+                        bool vanished,
+                        double mean_overlap,
+                        const std::vector<double>& displacements,
+                        const std::vector<bool>& is_rattler) {
+  if (vanished) return "0";
+  if (!(residual <= kResidualBound)) return "-";
+  const int grains = static_cast<int>(is_rattler.size());
+  const int d =
+      grains == 0 ? 0 : static_cast<int>(displacements.size()) / grains;
+  const auto name = [](std::size_t index) {
+    std::string text;
+    for (std::size_t k = index + 1; k > 0; k = (k - 1) / 26) {
+      text.insert(text.begin(), static_cast<char>('A' + (k - 1) % 26));
+    }
+    return text;
+  };
+  for (std::size_t m = 0; m < minima_.size(); ++m) {
+    const Minimum& other = minima_[m];
+    if (std::abs(energy - other.energy) >
+        kEnergyBound * std::max(std::abs(energy), std::abs(other.energy))) {
+      continue;
+    }
+    double largest = 0.0;
+    for (int k = 0; k < d; ++k) {
+      const auto difference = [&](int i) {
+        return displacements[d * i + k] - other.displacements[d * i + k];
+      };
+      double mean = 0.0;
+      int rigid = 0;
+      for (int i = 0; i < grains; ++i) {
+        if (is_rattler[i] || other.is_rattler[i]) continue;
+        mean += difference(i);
+        ++rigid;
+      }
+      if (rigid > 0) mean /= rigid;
+      for (int i = 0; i < grains; ++i) {
+        if (is_rattler[i] || other.is_rattler[i]) continue;
+        largest = std::max(largest, std::abs(difference(i) - mean));
+      }
+    }
+    if (largest <= kOverlapBound * mean_overlap) return name(m);
+  }
+  minima_.push_back({energy, displacements, is_rattler});
+  return name(minima_.size() - 1);
+}
+
+// ---------------------------------------------------------------- tables
+
+Quantiles QuantilesOf(std::vector<double> values) {
+  Quantiles result = {kNan, kNan, kNan};
+  if (values.empty()) return result;
+  std::sort(values.begin(), values.end());
+  const auto at = [&values](double fraction) {
+    const double place = fraction * static_cast<double>(values.size() - 1);
+    const std::size_t below = static_cast<std::size_t>(place);
+    const double weight = place - static_cast<double>(below);
+    if (weight < 1e-9) return values[below];
+    if (std::isinf(values[below + 1])) return kInfinity;
+    return values[below] + weight * (values[below + 1] - values[below]);
+  };
+  result.low = at(0.2);
+  result.median = at(0.5);
+  result.high = at(0.8);
+  return result;
+}
+
+const PaperEntry* PaperTable1(const std::string& kind,
+                              const std::string& label) {
+  struct Row {
+    const char* kind;
+    const char* label;
+    PaperEntry entry;
+  };
+  static constexpr Row kRows[] = {
+      {"growth", "L-BFGS", {2003, 24.3}},
+      {"growth", "P-L-BFGS (A = 0)", {705, 11.8}},
+      {"growth", "P-L-BFGS (A = 3)", {813, 16.2}},
+      {"growth", "FR-CG", {4574, 58.9}},
+      {"growth", "P-FR-CG", {1101, 18.5}},
+      {"simple_shear", "L-BFGS", {2749, 29.2}},
+      {"simple_shear", "P-L-BFGS (A = 0)", {986, 15.8}},
+      {"simple_shear", "P-L-BFGS (A = 3)", {1351, 27.1}},
+      {"simple_shear", "FR-CG", {7306, 90.1}},
+      {"simple_shear", "P-FR-CG", {2013, 33.5}},
+      {"random", "L-BFGS", {602, 7.5}},
+      {"random", "P-L-BFGS (A = 0)", {380, 6.8}},
+      {"random", "P-L-BFGS (A = 3)", {432, 9.1}},
+      {"random", "FR-CG", {940, 11.9}},
+      {"random", "P-FR-CG", {528, 9.2}}};
+  for (const Row& row : kRows) {
+    if (kind == row.kind && label == row.label) return &row.entry;
+  }
+  return nullptr;
+}
+
+std::vector<Table> Tabulate(const ComparisonSetup& setup,
+                            const std::vector<Event>& events,
+                            const std::vector<RunRecord>& runs) {
+  using Place = std::tuple<std::string, std::string, std::uint64_t, int>;
+  const auto place = [](const RunKey& key) {
+    return Place(key.case_id, key.label, key.seed, key.repetition);
+  };
+  std::map<Place, const RunRecord*> run_at;
+  for (const RunRecord& run : runs) run_at[place(run.key)] = &run;
+  std::map<std::tuple<Place, bool, double>, const Event*> event_at;
+  for (const Event& event : events) {
+    event_at[{place(event.key), event.level.absolute, event.level.value}] =
+        &event;
+  }
+  // Work until the level, null if it was never reached. A run that ended at
+  // E = 0 has reached every level.
+  const auto reached = [&](const RunRecord& run,
+                           const Level& level) -> const Work* {
+    const auto found =
+        event_at.find({place(run.key), level.absolute, level.value});
+    if (found != event_at.end()) return &found->second->work;
+    return run.stop_reason == StopReasonName(StopReason::VANISHED) ? &run.work
+                                                                   : nullptr;
+  };
+
+  std::vector<Table> tables;
+  for (const Case& c : setup.cases) {
+    for (const Level& level : setup.levels) {
+      Table table;
+      table.table_case = c;
+      table.level = level;
+      std::vector<double> distances;
+      for (const Method& method : setup.methods) {
+        TableRow row;
+        row.method = method;
+        if (setup.paper == "table1") {
+          row.paper = PaperTable1(c.kind, method.label);
+        }
+        std::vector<double> iterations, evaluations, hessians, factorizations,
+            solves, linear_iterations, seconds, ratios, function_shares,
+            linear_shares, spent_iterations, spent_evaluations, spent_seconds;
+        std::vector<std::string> minima, ends;
+        for (const std::uint64_t seed : setup.seeds) {
+          for (int r = 1; r <= setup.repetitions; ++r) {
+            const auto found = run_at.find({c.id, method.label, seed, r});
+            if (found == run_at.end()) continue;  // an unfinished comparison
+            const RunRecord& run = *found->second;
+            const Work* work = reached(run, level);
+            ++row.runs;
+            if (work != nullptr) ++row.reached;
+            const auto add = [&](std::vector<double>* values, auto member) {
+              values->push_back(work == nullptr
+                                    ? kInfinity
+                                    : static_cast<double>(work->*member));
+            };
+            add(&iterations, &Work::iterations);
+            add(&evaluations, &Work::evaluations);
+            add(&hessians, &Work::hessians);
+            add(&factorizations, &Work::factorizations);
+            add(&solves, &Work::solves);
+            add(&linear_iterations, &Work::linear_iterations);
+            add(&seconds, &Work::cpu_seconds);
+            const Work& spent = work == nullptr ? run.work : *work;
+            spent_iterations.push_back(static_cast<double>(spent.iterations));
+            spent_evaluations.push_back(static_cast<double>(spent.evaluations));
+            spent_seconds.push_back(spent.cpu_seconds);
+            function_shares.push_back(spent.function_share);
+            linear_shares.push_back(spent.linear_share);
+            const auto base = run_at.find({c.id, setup.baseline, seed, r});
+            const Work* base_work =
+                base == run_at.end() ? nullptr : reached(*base->second, level);
+            if (base_work != nullptr && base_work->cpu_seconds > 0.0) {
+              ratios.push_back(seconds.back() / base_work->cpu_seconds);
+            }
+            row.residual = std::max(
+                row.residual,
+                level.absolute ? run.quad_max_gradient : run.quad_residual);
+            minima.push_back(run.minimum);
+            ends.push_back(EndOf(run));
+            if (c.kind == "near_jamming") distances.push_back(run.distance);
+          }
+        }
+        row.iterations = QuantilesOf(iterations);
+        row.evaluations = QuantilesOf(evaluations);
+        row.hessians = QuantilesOf(hessians);
+        row.factorizations = QuantilesOf(factorizations);
+        row.solves = QuantilesOf(solves);
+        row.linear_iterations = QuantilesOf(linear_iterations);
+        row.cpu_seconds = QuantilesOf(seconds);
+        row.ratio = QuantilesOf(ratios);
+        row.function_share = Median(function_shares);
+        row.linear_share = Median(linear_shares);
+        row.spent_iterations = Median(spent_iterations);
+        row.spent_evaluations = Median(spent_evaluations);
+        row.spent_seconds = Median(spent_seconds);
+        row.minima = Tally(minima);
+        row.end = Tally(ends);
+        table.rows.push_back(row);
+      }
+      if (!distances.empty()) table.distance = Median(distances);
+      tables.push_back(table);
+    }
+  }
+  return tables;
+}
+
+std::string TablesCsv(const std::vector<Table>& tables) {
+  std::string csv =
+      "case,distance,kind,level,solver,spec,runs,reached,iterations,"
+      "iterations_q20,iterations_q80,evaluations,evaluations_q20,"
+      "evaluations_q80,hessians,factorizations,solves,linear_iterations,"
+      "cpu_seconds,cpu_seconds_q20,cpu_seconds_q80,ratio,ratio_q20,ratio_q80,"
+      "function_share,linear_share,spent_iterations,spent_evaluations,"
+      "spent_seconds,residual,minima,end,paper_iterations,paper_seconds\n";
+  const auto three = [](const Quantiles& q) {
+    return Format("%.9g,%.9g,%.9g,", q.median, q.low, q.high);
+  };
+  for (const Table& table : tables) {
+    for (const TableRow& row : table.rows) {
+      csv += Field(table.table_case.id) + Format(",%.9g,", table.distance) +
+             (table.level.absolute ? "absolute," : "relative,") +
+             Neat(table.level.value) + "," + Field(row.method.label) + "," +
+             Field(row.method.spec) + Format(",%d,%d,", row.runs, row.reached) +
+             three(row.iterations) + three(row.evaluations) +
+             Format("%.9g,%.9g,%.9g,%.9g,",
+                    row.hessians.median,
+                    row.factorizations.median,
+                    row.solves.median,
+                    row.linear_iterations.median) +
+             three(row.cpu_seconds) + three(row.ratio) +
+             Format("%.4g,%.4g,%.9g,%.9g,%.9g,%.9g,",
+                    row.function_share,
+                    row.linear_share,
+                    row.spent_iterations,
+                    row.spent_evaluations,
+                    row.spent_seconds,
+                    row.residual) +
+             Field(row.minima) + "," + Field(row.end) + ",";
+      if (row.paper != nullptr) {
+        csv += Format("%.9g,%.9g", row.paper->iterations, row.paper->seconds);
+      } else {
+        csv += ",";
+      }
+      csv += "\n";
+    }
+  }
+  return csv;
+}
+
+std::string TablesText(const ComparisonSetup& setup,
+                       const std::vector<Table>& tables,
+                       const std::vector<RunRecord>& runs,
+                       bool markdown) {
+  std::string text;
+  const auto paragraph = [&](const std::string& line) {
+    text += (markdown ? "" : "  ") + line + "\n";
+  };
+  if (markdown) {
+    text += "# Comparison of methods\n\n" + setup.what + "; " +
+            std::to_string(setup.repetitions) + " repetition" +
+            (setup.repetitions == 1 ? "" : "s") + ", " +
+            std::to_string(setup.seeds.size()) + " seed" +
+            (setup.seeds.size() == 1 ? "" : "s") + ".\n\n";
+    for (const Method& method : setup.methods) {
+      if (method.label == method.spec) continue;
+      text += "- " + method.label + ": `" + method.spec + "`\n";
+    }
+    text += "\n";
+  }
+  for (std::size_t t = 0; t < tables.size(); ++t) {
+    const Table& table = tables[t];
+    const Case& c = table.table_case;
+    if (t == 0 || tables[t - 1].table_case.id != c.id) {
+      text += (markdown ? "## " : "\n") + c.id + "\n" + (markdown ? "\n" : "");
+      paragraph(Meaning(c) +
+                (c.kind == "near_jamming"
+                     ? Format(" (phi - phi_J = %.3g)", table.distance)
+                     : ""));
+    }
+    text += "\n";
+    paragraph("until " + Meaning(table.level));
+    if (markdown) text += "\n";
+    // Columns that are zero everywhere say nothing.
+    bool any[4] = {false, false, false, false};
+    bool paper = false;
+    double paper_base = 0.0;
+    const Quantiles TableRow::*const optional[4] = {
+        &TableRow::hessians,
+        &TableRow::factorizations,
+        &TableRow::solves,
+        &TableRow::linear_iterations};
+    for (const TableRow& row : table.rows) {
+      for (int k = 0; k < 4; ++k) {
+        const double median = (row.*optional[k]).median;
+        any[k] = any[k] || (std::isfinite(median) && median > 0.0);
+      }
+      paper = paper || row.paper != nullptr;
+      if (row.paper != nullptr && row.method.label == setup.baseline) {
+        paper_base = row.paper->seconds;
+      }
+    }
+    constexpr const char* kOptional[4] = {
+        "Hessians", "factors", "solves", "linear its"};
+    std::vector<std::vector<std::string>> rows(1);
+    rows[0] = {"method", "iterations", "evaluations"};
+    for (int k = 0; k < 4; ++k) {
+      if (any[k]) rows[0].push_back(kOptional[k]);
+    }
+    for (const char* name : {"CPU s", "ratio", "f/lin/rest %"}) {
+      rows[0].push_back(name);
+    }
+    if (paper) {
+      for (const char* name : {"paper its", "paper s", "paper ratio"}) {
+        rows[0].push_back(name);
+      }
+    }
+    // How runs end is said where they stop.
+    const bool stop = table.level == setup.levels[0];
+    if (stop) {
+      for (const char* name : {"residual", "minimum", "end"}) {
+        rows[0].push_back(name);
+      }
+    }
+    for (const TableRow& row : table.rows) {
+      std::vector<std::string> cells = {
+          row.method.label,
+          Spread(row.iterations, row.spent_iterations, Count),
+          Spread(row.evaluations, row.spent_evaluations, Count)};
+      for (int k = 0; k < 4; ++k) {
+        if (any[k]) cells.push_back(Spread(row.*optional[k], kNan, Count));
+      }
+      cells.push_back(Spread(row.cpu_seconds, row.spent_seconds, Seconds));
+      cells.push_back(Spread(row.ratio, kNan, Ratio));
+      if (row.runs == 0) {
+        cells.push_back("-");
+      } else {
+        const double f = 100.0 * row.function_share;
+        const double l = 100.0 * row.linear_share;
+        cells.push_back(
+            Format("%.0f/%.0f/%.0f", f, l, std::max(0.0, 100.0 - f - l)));
+      }
+      if (paper) {
+        if (row.paper == nullptr) {
+          cells.insert(cells.end(), 3, "-");
+        } else {
+          cells.push_back(Count(row.paper->iterations));
+          cells.push_back(Seconds(row.paper->seconds));
+          cells.push_back(
+              paper_base > 0.0 ? Ratio(row.paper->seconds / paper_base) : "-");
+        }
+      }
+      if (stop) {
+        cells.push_back(row.runs == 0 ? "-" : Format("%.1e", row.residual));
+        cells.push_back(row.minima);
+        cells.push_back(
+            row.end +
+            (row.reached == row.runs
+                 ? ""
+                 : Format(" (%d of %d got there)", row.reached, row.runs)));
+      }
+      rows.push_back(cells);
+    }
+    text += Grid(rows, stop ? 2 : 0, markdown);
+    if (t + 1 == tables.size() || tables[t + 1].table_case.id != c.id) {
+      if (markdown) text += "\n";
+      for (const std::string& note : Notes(setup, c, runs)) {
+        text += (markdown ? "- " : "    ") + note + "\n";
+      }
+      if (markdown) text += "\n";
+    }
+  }
+  if (!setup.assumptions.empty()) {
+    text += markdown ? "## What the paper leaves open\n\n"
+                     : "\nwhat the paper leaves open\n";
+    std::vector<std::vector<std::string>> rows = {
+        {"left open", "assumed here"}};
+    for (const auto& [open, assumed] : setup.assumptions) {
+      rows.push_back({open, assumed});
+    }
+    text += Grid(rows, 1, markdown);
+    if (markdown) text += "\n";
+  }
+  text += markdown ? "## How to read this\n\n" : "\nhow to read this\n";
+  const int repetitions = setup.repetitions;
+  const std::size_t seeds = setup.seeds.size();
+  for (const std::string& line : std::vector<std::string>{
+           Format("numbers are medians over %zu seed%s and %d repetition%s, "
+                  "20-80 %% quantiles in brackets where they differ;",
+                  seeds,
+                  seeds == 1 ? "" : "s",
+                  repetitions,
+                  repetitions == 1 ? "" : "s"),
+           "a run that never got there counts as infinitely expensive: >N is "
+           "what it had spent when it ended;",
+           "CPU s: of Minimize() alone; ratio: to " + setup.baseline +
+               " in the same repetition; counts are exact, times are of this "
+               "machine;",
+           "residual: the largest at the end of a run, judged in quadruple "
+           "precision; minimum: runs with one letter (and seed)",
+           Format("ended within %g of the energy and %g mean overlaps of each "
+                  "other; 0 means E = 0, - no minimum.",
+                  Minima::kEnergyBound,
+                  Minima::kOverlapBound)}) {
+    paragraph(line);
+  }
+  return text;
+}
+
+}  // namespace granopt

@@ -1,0 +1,307 @@
+// granopt: comparisons of methods: what is run in which order, the raw events,
+// and the tables made from them. No packing and no clock in here.
+//
+// While a method runs, the first crossing of each level of a ladder of
+// residuals is written down as an Event with the work done until then; each run
+// ends as a RunRecord. Everything that is reported is computed from those two
+// files and a ComparisonSetup, so that it can be computed again.
+
+#ifndef GRANOPT_EXPERIMENTS_COMPARISON_H_
+#define GRANOPT_EXPERIMENTS_COMPARISON_H_
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "nlohmann/json.hpp"
+#include "solvers/solver.h"
+
+namespace granopt {
+
+// ---------------------------------------------------------------- the plan
+
+// "5e-5", "0.01": a number as people write it.
+std::string Neat(double value);
+
+struct Method {
+  std::string label;
+  std::string spec;  // for CreateSolver()
+};
+
+// "spec;label@spec;...". False, with one line in `error`, for an empty entry or
+// a label given twice.
+bool ParseMethods(const std::string& text,
+                  std::vector<Method>* methods,
+                  std::string* error);
+
+struct Case {
+  // "growth=5e-5", "near_jamming=1e-6 at 1e-3": unique, and what files say.
+  std::string id;
+  // growth, simple_shear, pure_shear, random, fig2, near_jamming, start, user.
+  std::string kind;
+  double value = 0.0;
+  double distance = 0.0;  // near_jamming: asked for
+};
+
+// "growth,random=1e-4,near_jamming=1e-6"; the last becomes one case for each of
+// `distances`, in their order. A kind without its value gets the default one,
+// `shear` for near_jamming.
+bool ParseCases(const std::string& text,
+                const std::vector<double>& distances,
+                double shear,
+                std::vector<Case>* cases,
+                std::string* error);
+// "1e-2,1e-3", all positive, each once.
+bool ParseNumbers(const std::string& text,
+                  std::vector<double>* numbers,
+                  std::string* error);
+// "1-3,7", each once.
+bool ParseSeeds(const std::string& text,
+                std::vector<std::uint64_t>* seeds,
+                std::string* error);
+
+// The order of the methods in each block of the given repetition (from 0):
+// starts at method `repetition` mod n, forwards in even and backwards in odd
+// repetitions, so that neither the first place nor the predecessor is always
+// the same.
+std::vector<int> MethodOrder(int methods, int repetition);
+
+// A residual: max|g| / mean contact force, or max|g| in units k = 1, box = 1.
+struct Level {
+  bool absolute = false;
+  double value = 0.0;
+
+  friend bool operator==(const Level& a, const Level& b) {
+    return a.absolute == b.absolute && a.value == b.value;
+  }
+};
+
+// Decades 1e-1 ... 1e-15 relative, 1e-4 ... 1e-16 absolute, and `more`, each
+// kind from large to small.
+std::vector<Level> Ladder(const std::vector<Level>& more);
+
+// What a comparison consists of; kept beside the events.
+struct ComparisonSetup {
+  std::string paper;  // "", "table1" or "fig2"
+  std::string what;   // "4096 discs, phi = 0.8438, alpha = 2"
+  std::vector<Case> cases;
+  std::vector<Method> methods;
+  std::vector<std::uint64_t> seeds;
+  int repetitions = 0;
+  // The first is where runs stop; the others are reported from the same runs.
+  std::vector<Level> levels;
+  std::string baseline;  // a label
+  // What the paper leaves open, and what was assumed.
+  std::vector<std::pair<std::string, std::string>> assumptions;
+};
+std::string FormatSetup(const ComparisonSetup& setup);
+bool ParseSetup(const std::string& text,
+                const std::string& name,
+                ComparisonSetup* setup,
+                std::string* error);
+
+// ---------------------------------------------------------------- raw events
+
+struct RunKey {
+  std::string case_id;
+  std::uint64_t seed = 0;
+  int repetition = 0;  // from 1
+  std::string label;
+  std::string spec;
+};
+
+// Work until some moment of a run.
+struct Work {
+  std::int64_t iterations = 0;
+  std::int64_t evaluations = 0;
+  std::int64_t hessians = 0;
+  std::int64_t factorizations = 0;
+  std::int64_t solves = 0;
+  std::int64_t linear_iterations = 0;
+  double cpu_seconds = 0.0;
+  double function_share = 0.0;  // of the time, in the function
+  double linear_share = 0.0;    // in matrices, factors and solves
+};
+Work MakeWork(const Counters& counters,
+              double cpu_seconds,
+              double seconds,
+              double function_seconds,
+              double linear_seconds);
+
+struct Event {
+  RunKey key;
+  Level level;
+  Work work;
+  double energy = 0.0;
+};
+
+struct RunRecord {
+  RunKey key;
+  int position = 0;  // in the block, from 1
+  bool converged = false;
+  std::string stop_reason;
+  std::string message;
+  double residual = 0.0;           // max|g| / mean force, as the method saw it
+  double quad_residual = 0.0;      // judged in quadruple precision
+  double quad_max_gradient = 0.0;  // units k = 1, box = 1
+  double energy = 0.0;
+  double pressure = 0.0;
+  double phi = 0.0;
+  int rattlers = 0;
+  std::string minimum;    // "A", "B", ...; "0": E = 0; "-": at no minimum
+  double distance = 0.0;  // near_jamming: phi - phi_J of the state; else 0
+  std::int64_t list_builds = 0;
+  Work work;
+  double seconds = 0.0;  // wall
+};
+
+// One point of a curve.
+struct CurveRow {
+  std::string case_id;
+  std::uint64_t seed = 0;
+  std::string label;
+  std::int64_t iteration = 0;
+  std::int64_t evaluations = 0;
+  double cpu_seconds = 0.0;
+  double residual = 0.0;      // max|g| / mean force
+  double max_gradient = 0.0;  // units k = 1, box = 1
+  double energy = 0.0;
+};
+
+std::string EventsCsv(const std::vector<Event>& events);
+std::string RunsCsv(const std::vector<RunRecord>& runs);
+std::string CurvesCsv(const std::vector<CurveRow>& rows);
+// `name` is for error lines, "name:line: what".
+bool ParseEvents(const std::string& text,
+                 const std::string& name,
+                 std::vector<Event>* events,
+                 std::string* error);
+bool ParseRuns(const std::string& text,
+               const std::string& name,
+               std::vector<RunRecord>* runs,
+               std::string* error);
+
+// Writes down first crossings.
+class Crossings {
+ public:
+  // `force_unit`: the force that is 1 in units k = 1, box = 1.
+  Crossings(const std::vector<Level>& ladder, double force_unit);
+  // True if Note() would add something: the clock is read only then.
+  bool Due(double max_gradient, double force_scale) const;
+  // Appends an event for each level that is crossed for the first time.
+  void Note(const RunKey& key,
+            double max_gradient,
+            double force_scale,
+            const Work& work,
+            double energy,
+            std::vector<Event>* events);
+
+ private:
+  double Bound(const Level& level, double force_scale) const {
+    return level.value * (level.absolute ? force_unit_ : force_scale);
+  }
+
+  const double force_unit_;
+  std::vector<Level> relative_, absolute_;  // not crossed yet, smallest first
+};
+
+// The rows (indices) of a trace that a curve keeps: first and last, and the
+// least and the largest residual of each of `buckets` equal parts and of each
+// of `buckets` parts that are equal in the logarithm of the row. Increasing.
+std::vector<int> ThinTrace(const std::vector<double>& residuals, int buckets);
+
+// ---------------------------------------------------------------- minima
+
+// Tells minima of one case and seed apart.
+class Minima {
+ public:
+  // Two runs are in one minimum if their energies agree to kEnergyBound of the
+  // energy and no coordinate of a grain that is rigid in both differs by more
+  // than kOverlapBound of the mean overlap, after the mean difference of those
+  // (a translation) has been removed.
+  static constexpr double kEnergyBound = 1e-6;
+  static constexpr double kOverlapBound = 0.1;
+  // A run that ends with more than this, in mean forces, is at no minimum.
+  static constexpr double kResidualBound = 1e-4;
+
+  // `displacements`: d N entries, grain by grain, from the common start.
+  // Returns "A" for the first minimum seen, "B" for the next one, ..., "0" if
+  // `vanished` and "-" if the residual is too large.
+  std::string Tag(double energy,
+                  double residual,
+                  bool vanished,
+                  double mean_overlap,
+                  const std::vector<double>& displacements,
+                  const std::vector<bool>& is_rattler);
+
+ private:
+  struct Minimum {
+    double energy;
+    std::vector<double> displacements;
+    std::vector<bool> is_rattler;
+  };
+  std::vector<Minimum> minima_;
+};
+
+// ---------------------------------------------------------------- tables
+
+struct Quantiles {
+  double low = 0.0;     // 20 %
+  double median = 0.0;  // 50 %
+  double high = 0.0;    // 80 %
+};
+// Of values that may be infinite (a run that never got there); linear between
+// neighbours. NaN without values.
+Quantiles QuantilesOf(std::vector<double> values);
+
+// The paper's Table 1.
+struct PaperEntry {
+  double iterations = 0.0;
+  double seconds = 0.0;
+};
+// Null if the table has no such entry.
+const PaperEntry* PaperTable1(const std::string& kind,
+                              const std::string& label);
+
+// One method in one case at one level. Runs that never reached it count as
+// infinitely expensive.
+struct TableRow {
+  Method method;
+  int runs = 0;
+  int reached = 0;
+  Quantiles iterations, evaluations, hessians, factorizations, solves,
+      linear_iterations, cpu_seconds;
+  // To the baseline in the same case, seed and repetition.
+  Quantiles ratio;
+  double function_share = 0.0, linear_share = 0.0;  // medians
+  // Medians of what was spent, reached or not.
+  double spent_iterations = 0.0, spent_evaluations = 0.0, spent_seconds = 0.0;
+  double residual = 0.0;  // the largest at the end, of the level's kind
+  std::string minima;     // "A", "A 2, B 1"
+  std::string end;        // "converged", "NO_PROGRESS 1, converged 2"
+  const PaperEntry* paper = nullptr;
+};
+
+struct Table {
+  Case table_case;
+  Level level;
+  double distance = 0.0;  // near_jamming: median phi - phi_J
+  std::vector<TableRow> rows;
+};
+
+// Every case at every level of the setup; rows in the order of the methods.
+std::vector<Table> Tabulate(const ComparisonSetup& setup,
+                            const std::vector<Event>& events,
+                            const std::vector<RunRecord>& runs);
+
+std::string TablesCsv(const std::vector<Table>& tables);
+// For the terminal, or as Markdown.
+std::string TablesText(const ComparisonSetup& setup,
+                       const std::vector<Table>& tables,
+                       const std::vector<RunRecord>& runs,
+                       bool markdown);
+
+}  // namespace granopt
+
+#endif  // GRANOPT_EXPERIMENTS_COMPARISON_H_

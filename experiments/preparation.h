@@ -1,0 +1,99 @@
+// granopt: the packings that a comparison applies its loads to.
+
+#ifndef GRANOPT_EXPERIMENTS_PREPARATION_H_
+#define GRANOPT_EXPERIMENTS_PREPARATION_H_
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "experiments/run.h"
+#include "experiments/scene.h"
+#include "granular/jamming.h"
+
+namespace granopt {
+
+// Makes states by a method of its own and keeps them as
+// OUT/prepared_<name>.xyz. A file that is there already and says that it was
+// made in the same way (from the same input, by the same method) is used again.
+class Preparation {
+ public:
+  static constexpr double kTolerance = 1e-12;  // in mean forces
+  static constexpr double kCompressedFrom = 0.80;
+  static constexpr double kStep = 1e-3;  // in phi, of the compression
+
+  // `phi`: packing fraction of generated packings. With --input every state
+  // comes from the packing of `scene`.
+  Preparation(const Scene& scene,
+              const Solver& solver,
+              double phi,
+              Output* output)
+      : scene_(scene), solver_(solver), phi_(phi), output_(output) {}
+
+  // The input as it is, or a random start relaxed at phi.
+  Packing Relaxed(std::uint64_t seed);
+
+  // The input as it is, or a random start compressed from kCompressedFrom to
+  // `phi`: radii grow in steps of kStep at fixed positions and the packing is
+  // relaxed after each, as in Algorithm 1 of the paper.
+  Packing Compressed(std::uint64_t seed, double phi);
+
+  // States at phi_J + each of `distances` (increasing), with phi_J in
+  // attributes["phi_j"]: from the relaxed packing, compressed if it is
+  // unjammed, down its branch to a tenth of the least distance, which gives
+  // phi_J; then compressed from distance to distance. Returns false with one
+  // line in `error` if phi_J is not found.
+  bool NearJamming(std::uint64_t seed,
+                   const std::vector<double>& distances,
+                   std::vector<Packing>* states,
+                   std::string* error);
+
+  void ClearProgress() { progress_.Clear(); }
+
+  // What was made so far: one line a state, and the same for summary.json.
+  const std::vector<std::string>& lines() const { return lines_; }
+  const Json& json() const { return json_; }
+
+ private:
+  // How a state is made, which its file says.
+  std::string Recipe(const std::string& what,
+                     std::uint64_t seed,
+                     double phi) const;
+  // The state `name`: made before, from its file, or made now.
+  Packing State(const std::string& name,
+                const std::string& recipe,
+                const std::function<Packing()>& make);
+  bool Reuse(const std::string& name,
+             const std::string& recipe,
+             Packing* packing);
+  void Keep(const std::string& name,
+            const std::string& recipe,
+            Packing packing);
+  void Note(const std::string& name,
+            const Packing& packing,
+            const char* remark);
+
+  SolveOptions Options(double tolerance);
+  // `jammed` may be null.
+  Packing Minimized(const Packing& start, double tolerance, bool* jammed);
+  bool FindPhiJ(std::uint64_t seed,
+                double error_bar,
+                JammingResult* result,
+                std::string* error);
+
+  const Scene& scene_;
+  const Solver& solver_;
+  const double phi_;
+  Output* output_;
+  Progress progress_;
+  std::string stage_;  // for the progress line
+  std::map<std::string, Packing> made_;
+  std::vector<std::string> lines_;
+  Json json_ = Json::array();
+};
+
+}  // namespace granopt
+
+#endif  // GRANOPT_EXPERIMENTS_PREPARATION_H_

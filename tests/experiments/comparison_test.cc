@@ -1,0 +1,313 @@
+#include "experiments/comparison.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "gtest/gtest.h"
+
+namespace granopt {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+TEST(Comparison, NumbersAreWrittenAsPeopleWriteThem) {
+  EXPECT_EQ(Neat(5e-5), "5e-5");
+  EXPECT_EQ(Neat(1e-4), "1e-4");
+  EXPECT_EQ(Neat(0.01), "1e-2");
+  EXPECT_EQ(Neat(0.8438), "0.8438");
+  EXPECT_EQ(Neat(1e-13), "1e-13");
+  EXPECT_EQ(Neat(4096), "4096");
+  for (const double value : {0.1 + 0.2, 1.0 / 3.0, 1e-300, 6.02e23, 1e6}) {
+    EXPECT_EQ(std::stod(Neat(value)), value);
+  }
+}
+
+TEST(Comparison, MethodsAreSeparatedBySemicolonsAndMayHaveLabels) {
+  std::vector<Method> methods;
+  std::string error;
+  ASSERT_TRUE(ParseMethods(
+      "P-L-BFGS (A = 0)@lbfgs:memory=5,A=0; fire", &methods, &error));
+  ASSERT_EQ(methods.size(), 2u);
+  EXPECT_EQ(methods[0].label, "P-L-BFGS (A = 0)");
+  EXPECT_EQ(methods[0].spec, "lbfgs:memory=5,A=0");
+  EXPECT_EQ(methods[1].label, "fire");
+  EXPECT_EQ(methods[1].spec, "fire");
+  EXPECT_FALSE(ParseMethods("a;;b", &methods, &error));
+  EXPECT_FALSE(ParseMethods("a@", &methods, &error));
+  EXPECT_FALSE(ParseMethods("a;a", &methods, &error));
+  EXPECT_NE(error.find("given twice"), std::string::npos);
+}
+
+TEST(Comparison, CasesMayHaveValuesAndDistances) {
+  std::vector<Case> cases;
+  std::string error;
+  ASSERT_TRUE(ParseCases("growth,random=2e-4,near_jamming,user",
+                         {1e-2, 1e-3},
+                         1e-6,
+                         &cases,
+                         &error))
+      << error;
+  ASSERT_EQ(cases.size(), 5u);
+  EXPECT_EQ(cases[0].id, "growth=5e-5");
+  EXPECT_EQ(cases[1].id, "random=2e-4");
+  EXPECT_EQ(cases[1].value, 2e-4);
+  EXPECT_EQ(cases[3].id, "near_jamming=1e-6 at 1e-3");
+  EXPECT_EQ(cases[3].distance, 1e-3);
+  EXPECT_EQ(cases[4].id, "user");
+  for (const char* bad : {"magic",
+                          "",
+                          "growth=",
+                          "growth=-1",
+                          "growth=many",
+                          "growth=nan",
+                          "user=1",
+                          "growth,growth=5e-5"}) {
+    EXPECT_FALSE(ParseCases(bad, {1e-2}, 1e-6, &cases, &error)) << bad;
+  }
+}
+
+TEST(Comparison, SeedsAreNumbersAndRanges) {
+  std::vector<std::uint64_t> seeds;
+  std::string error;
+  ASSERT_TRUE(ParseSeeds("1-3,7", &seeds, &error));
+  EXPECT_EQ(seeds, (std::vector<std::uint64_t>{1, 2, 3, 7}));
+  for (const char* bad : {"", "1-", "-1", "3-1", "a", "1,1", "1-99999999999"}) {
+    EXPECT_FALSE(ParseSeeds(bad, &seeds, &error)) << bad;
+  }
+}
+
+// Every repetition runs every method once; the first places differ, and so do
+// the predecessors.
+TEST(Comparison, TheOrderIsRotatedAndReversed) {
+  for (int n = 1; n <= 6; ++n) {
+    std::set<int> first;
+    for (int r = 0; r < n; ++r) {
+      const std::vector<int> order = MethodOrder(n, r);
+      EXPECT_EQ(std::set<int>(order.begin(), order.end()).size(),
+                static_cast<std::size_t>(n));
+      first.insert(order[0]);
+    }
+    EXPECT_EQ(first.size(), static_cast<std::size_t>(n));
+  }
+  EXPECT_EQ(MethodOrder(4, 0), (std::vector<int>{0, 1, 2, 3}));
+  EXPECT_EQ(MethodOrder(4, 1), (std::vector<int>{1, 0, 3, 2}));
+  EXPECT_EQ(MethodOrder(4, 2), (std::vector<int>{2, 3, 0, 1}));
+  EXPECT_EQ(MethodOrder(4, 6), MethodOrder(4, 2));
+}
+
+TEST(Comparison, QuantilesAreLinearBetweenValuesAndKnowInfinity) {
+  Quantiles q = QuantilesOf({4.0, 1.0, 2.0, 3.0, 5.0, 6.0});
+  EXPECT_DOUBLE_EQ(q.low, 2.0);
+  EXPECT_DOUBLE_EQ(q.median, 3.5);
+  EXPECT_DOUBLE_EQ(q.high, 5.0);
+  q = QuantilesOf({3.0, 1.0, 2.0});
+  EXPECT_DOUBLE_EQ(q.low, 1.4);
+  EXPECT_DOUBLE_EQ(q.median, 2.0);
+  EXPECT_DOUBLE_EQ(q.high, 2.6);
+  // One failure of three: the median is known, the upper end is not.
+  q = QuantilesOf({kInfinity, 1.0, 2.0});
+  EXPECT_DOUBLE_EQ(q.median, 2.0);
+  EXPECT_TRUE(std::isinf(q.high));
+  q = QuantilesOf({kInfinity, kInfinity, 2.0});
+  EXPECT_TRUE(std::isinf(q.median));
+  EXPECT_TRUE(std::isnan(QuantilesOf({}).median));
+}
+
+TEST(Comparison, CrossingsAreNotedOnce) {
+  Crossings crossings({{false, 1e-1}, {false, 1e-2}, {true, 1e-3}}, 2.0);
+  std::vector<Event> events;
+  // Relative bounds 1 and 0.1 at a mean force of 10, absolute 2e-3.
+  EXPECT_FALSE(crossings.Due(5.0, 10.0));
+  EXPECT_TRUE(crossings.Due(1.0, 10.0));
+  crossings.Note({}, 1.0, 10.0, {}, 0.0, &events);
+  ASSERT_EQ(events.size(), 1u);
+  EXPECT_EQ(events[0].level.value, 1e-1);
+  EXPECT_FALSE(crossings.Due(0.5, 10.0));
+  crossings.Note({}, 1e-3, 10.0, {}, 0.0, &events);
+  ASSERT_EQ(events.size(), 3u);
+  EXPECT_FALSE(crossings.Due(0.0, 10.0));
+}
+
+TEST(Comparison, ThinnedTraceKeepsEndsAndExtremes) {
+  std::vector<double> residuals;
+  for (int i = 0; i < 10000; ++i) residuals.push_back(1.0 / (1 + i));
+  residuals[4321] = 1e-9;
+  residuals[7000] = 50.0;
+  const std::vector<int> kept = ThinTrace(residuals, 95);
+  EXPECT_LE(kept.size(), 400u);
+  EXPECT_EQ(kept.front(), 0);
+  EXPECT_EQ(kept.back(), 9999);
+  EXPECT_NE(std::find(kept.begin(), kept.end(), 4321), kept.end());
+  EXPECT_NE(std::find(kept.begin(), kept.end(), 7000), kept.end());
+  EXPECT_EQ(ThinTrace({1.0}, 95), std::vector<int>{0});
+  EXPECT_TRUE(ThinTrace({}, 95).empty());
+}
+
+TEST(Comparison, MinimaAreToldApartByEnergyAndDisplacement) {
+  Minima minima;
+  const std::vector<bool> rigid = {false, false, true};
+  const auto tag = [&](double energy,
+                       const std::vector<double>& u,
+                       double residual = 1e-10,
+                       bool vanished = false) {
+    return minima.Tag(energy, residual, vanished, 1e-3, u, rigid);
+  };
+  EXPECT_EQ(tag(1.0, {0, 0, 0, 0, 0, 0}), "A");
+  // A translation, and a rattler anywhere.
+  EXPECT_EQ(tag(1.0 + 1e-8, {.1, .2, .1, .2, 5, 5}), "A");
+  // Elsewhere at the same energy; the same place cannot be at another one.
+  EXPECT_EQ(tag(1.0, {1e-2, 0, 0, 0, 0, 0}), "B");
+  EXPECT_EQ(tag(1.1, {0, 0, 0, 0, 0, 0}), "C");
+  EXPECT_EQ(tag(1.0, {0, 0, 0, 0, 0, 0}), "A");
+  EXPECT_EQ(tag(1.0, {0, 0, 0, 0, 0, 0}, 1e-2), "-");
+  EXPECT_EQ(tag(0.0, {0, 0, 0, 0, 0, 0}, 0.0, true), "0");
+}
+
+// Two methods, one case, three repetitions; the second method fails once at the
+// tight level.
+class HandMade : public testing::Test {
+ protected:
+  HandMade() {
+    setup_.what = "hand-made";
+    setup_.cases = {{"growth=5e-5", "growth", 5e-5, 0.0}};
+    setup_.methods = {{"L-BFGS", "a:b=1,c=2"}, {"FR-CG", "d"}};
+    setup_.seeds = {1};
+    setup_.repetitions = 3;
+    setup_.levels = {{false, 1e-10}, {false, 1e-5}};
+    setup_.baseline = "L-BFGS";
+    for (int r = 1; r <= 3; ++r) {
+      Add("L-BFGS", r, 100, 1.0 * r, true);
+      Add("FR-CG", r, 300, 4.0 * r, r < 3);
+    }
+  }
+
+  void Add(const std::string& label,
+           int repetition,
+           std::int64_t iterations,
+           double seconds,
+           bool converged) {
+    RunRecord run;
+    run.key = {"growth=5e-5", 1, repetition, label, "spec, \"quoted\""};
+    run.converged = converged;
+    run.stop_reason = converged ? "CONVERGED" : "NO_PROGRESS";
+    run.message = converged ? "fine" : "gave up, \"really\"";
+    run.minimum = label == "L-BFGS" ? "A" : "B";
+    run.energy = 0.1;
+    run.quad_residual = converged ? 1e-11 : 1e-7;
+    run.work.iterations = iterations;
+    run.work.evaluations = iterations + 1;
+    run.work.cpu_seconds = seconds;
+    run.work.function_share = 0.25;
+    run.work.linear_share = 0.5;
+    runs_.push_back(run);
+    Event event{run.key, {false, 1e-5}, run.work, 0.1};
+    event.work.iterations /= 2;
+    event.work.cpu_seconds /= 2;
+    events_.push_back(event);
+    if (converged) events_.push_back({run.key, {false, 1e-10}, run.work, 0.1});
+  }
+
+  ComparisonSetup setup_;
+  std::vector<Event> events_;
+  std::vector<RunRecord> runs_;
+};
+
+TEST_F(HandMade, MediansQuantilesAndRatios) {
+  const std::vector<Table> tables = Tabulate(setup_, events_, runs_);
+  ASSERT_EQ(tables.size(), 2u);
+  const TableRow& base = tables[0].rows[0];
+  EXPECT_EQ(base.runs, 3);
+  EXPECT_EQ(base.reached, 3);
+  EXPECT_EQ(base.iterations.median, 100);
+  EXPECT_DOUBLE_EQ(base.cpu_seconds.low, 1.4);
+  EXPECT_DOUBLE_EQ(base.cpu_seconds.median, 2.0);
+  EXPECT_DOUBLE_EQ(base.cpu_seconds.high, 2.6);
+  EXPECT_EQ(base.ratio.median, 1.0);
+  const TableRow& other = tables[0].rows[1];
+  EXPECT_EQ(other.reached, 2);
+  EXPECT_DOUBLE_EQ(other.cpu_seconds.median, 8.0);
+  EXPECT_TRUE(std::isinf(other.cpu_seconds.high));
+  EXPECT_DOUBLE_EQ(other.ratio.low, 4.0);
+  EXPECT_DOUBLE_EQ(other.ratio.median, 4.0);
+  EXPECT_EQ(other.end, "NO_PROGRESS 1, converged 2");
+  EXPECT_EQ(other.minima, "B");
+  EXPECT_EQ(other.residual, 1e-7);
+  const TableRow& loose = tables[1].rows[1];
+  EXPECT_EQ(loose.reached, 3);
+  EXPECT_EQ(loose.iterations.median, 150);
+  EXPECT_DOUBLE_EQ(loose.cpu_seconds.high, 5.2);
+  EXPECT_EQ(loose.function_share, 0.25);
+  EXPECT_EQ(loose.paper, nullptr);
+}
+
+TEST_F(HandMade, ThePaperStandsBesideItsOwnLabels) {
+  setup_.paper = "table1";
+  const std::vector<Table> tables = Tabulate(setup_, events_, runs_);
+  ASSERT_NE(tables[0].rows[0].paper, nullptr);
+  EXPECT_EQ(tables[0].rows[0].paper->iterations, 2003);
+  EXPECT_EQ(tables[0].rows[1].paper->seconds, 58.9);
+  EXPECT_EQ(PaperTable1("random", "P-L-BFGS (A = 3)")->iterations, 432);
+  EXPECT_EQ(PaperTable1("start", "L-BFGS"), nullptr);
+}
+
+TEST_F(HandMade, FailuresAreSaid) {
+  const std::vector<Table> tables = Tabulate(setup_, events_, runs_);
+  for (const bool markdown : {false, true}) {
+    const std::string text = TablesText(setup_, tables, runs_, markdown);
+    EXPECT_NE(text.find("(2 of 3 got there)"), std::string::npos) << text;
+    EXPECT_NE(text.find("! FR-CG: NO_PROGRESS, gave up, \"really\" (repetition "
+                        "3)"),
+              std::string::npos)
+        << text;
+    EXPECT_NE(text.find("A, E = 0.1 (L-BFGS); B, E = 0.1 (FR-CG)"),
+              std::string::npos)
+        << text;
+  }
+}
+
+TEST_F(HandMade, VanishedRunsHaveReachedEveryLevel) {
+  for (RunRecord& run : runs_) run.stop_reason = "VANISHED";
+  const std::vector<Table> tables = Tabulate(setup_, {}, runs_);
+  EXPECT_EQ(tables[0].rows[1].reached, 3);
+  EXPECT_EQ(tables[0].rows[1].iterations.median, 300);
+}
+
+TEST_F(HandMade, UnequalCountsAreSaid) {
+  runs_[0].work.evaluations += 1;
+  const std::string text =
+      TablesText(setup_, Tabulate(setup_, events_, runs_), runs_, false);
+  EXPECT_NE(text.find("! L-BFGS: counts differ"), std::string::npos) << text;
+}
+
+TEST_F(HandMade, FilesAreReadBackAsTheyWere) {
+  std::string error;
+  std::vector<Event> events;
+  ASSERT_TRUE(ParseEvents(EventsCsv(events_), "e", &events, &error)) << error;
+  EXPECT_EQ(EventsCsv(events), EventsCsv(events_));
+  EXPECT_EQ(events[0].key.spec, "spec, \"quoted\"");
+  std::vector<RunRecord> runs;
+  ASSERT_TRUE(ParseRuns(RunsCsv(runs_), "r", &runs, &error)) << error;
+  EXPECT_EQ(RunsCsv(runs), RunsCsv(runs_));
+  EXPECT_EQ(runs[5].message, "gave up, \"really\"");
+  setup_.assumptions = {{"a", "b"}};
+  ComparisonSetup setup;
+  ASSERT_TRUE(ParseSetup(FormatSetup(setup_), "s", &setup, &error)) << error;
+  EXPECT_EQ(FormatSetup(setup), FormatSetup(setup_));
+
+  EXPECT_FALSE(ParseEvents("", "e", &events, &error));
+  EXPECT_FALSE(ParseEvents("case,seed\nx,1\n", "e.csv", &events, &error));
+  EXPECT_EQ(error, "e.csv:1: no column repetition");
+  std::string broken = EventsCsv(events_);
+  broken.replace(broken.find("relative"), 8, "relation");
+  EXPECT_FALSE(ParseEvents(broken, "e.csv", &events, &error));
+  EXPECT_EQ(error.substr(0, 8), "e.csv:2:");
+  EXPECT_FALSE(ParseSetup("{}", "setup.json", &setup, &error));
+  EXPECT_FALSE(ParseSetup("not json", "setup.json", &setup, &error));
+}
+
+}  // namespace
+}  // namespace granopt
