@@ -913,12 +913,14 @@ std::vector<int> ThinTrace(const std::vector<double>& residuals, int buckets) {
 
 std::string Minima::Tag(double energy,
                         double residual,
-                        bool vanished,
+                        double vanishing,
                         double mean_overlap,
                         const std::vector<double>& displacements,
                         const std::vector<bool>& is_rattler) {
-  if (vanished) return "0";
-  if (!(residual <= kResidualBound)) return "-";
+  if (energy == 0.0) return "0";
+  if (!(residual <= kResidualBound)) {
+    return vanishing <= kVanishingBound ? "0" : "-";
+  }
   const int grains = static_cast<int>(is_rattler.size());
   const int d =
       grains == 0 ? 0 : static_cast<int>(displacements.size()) / grains;
@@ -1308,7 +1310,7 @@ std::string TablesText(const ComparisonSetup& setup,
            "residual: the largest at the end of a run, judged in quadruple "
            "precision; minimum: runs with one letter (and seed)",
            Format("ended within %g of the energy and %g mean overlaps of each "
-                  "other; 0 means E = 0, - no minimum.",
+                  "other; 0 means E = 0 (or on the way there), - no minimum.",
                   Minima::kEnergyBound,
                   Minima::kOverlapBound)}) {
     paragraph(line);

@@ -224,13 +224,16 @@ class Minima {
   static constexpr double kOverlapBound = 0.1;
   // A run that ends with more than this, in mean forces, is at no minimum.
   static constexpr double kResidualBound = 1e-4;
+  // Unless Scales::vanishing is at most this: forces that fade unbalanced.
+  static constexpr double kVanishingBound = 1e-9;
 
   // `displacements`: d N entries, grain by grain, from the common start.
-  // Returns "A" for the first minimum seen, "B" for the next one, ..., "0" if
-  // `vanished` and "-" if the residual is too large.
+  // Returns "A" for the first minimum seen, "B" for the next one, ..., "0" at E
+  // = 0 or on the way there (Scales::vanishing), "-" if the residual is too
+  // large.
   std::string Tag(double energy,
                   double residual,
-                  bool vanished,
+                  double vanishing,
                   double mean_overlap,
                   const std::vector<double>& displacements,
                   const std::vector<bool>& is_rattler);

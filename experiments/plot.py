@@ -965,7 +965,7 @@ def ComparisonAxes(rows):
   figure, axes = plt.subplots(
       rows, 2, sharey="row", squeeze=False, figsize=(11.0, height),
       gridspec_kw=dict(left=0.095, right=0.98, top=1 - 0.9 / height,
-                       bottom=0.68 / height, wspace=0.06, hspace=0.36))
+                       bottom=0.68 / height, wspace=0.09, hspace=0.36))
   return figure, axes
 
 
@@ -1027,8 +1027,8 @@ def FinishPanels(axes):
 
 def CurvesFigure(arguments):
   """Thin: the residual, its least and largest values in each part of the run.
-  Bold: the least residual so far. A dot is where a run got to the first level, a
-  cross where it ended without."""
+  Bold: the least residual so far. A dot is where a run got to the first level, an
+  open one at the bottom where it got to E = 0, a cross where it ended otherwise."""
   path = arguments.table
   table = ReadTable(path, ("case", "seed", "solver", "iteration", "cpu_seconds",
                            "residual", "max_gradient"), words=("case", "solver"))
@@ -1045,7 +1045,7 @@ def CurvesFigure(arguments):
   for row, name in enumerate(cases):
     of_case = case == name
     seed = table["seed"][of_case][0]
-    curves = []
+    curves, gone = [], {}
     for method in styles:
       chosen = of_case & (solver == method) & (table["seed"] == seed)
       good = np.isfinite(residuals[chosen]) & (residuals[chosen] > 0)
@@ -1053,6 +1053,10 @@ def CurvesFigure(arguments):
         curves.append((method, residuals[chosen][good],
                        table["iteration"][chosen][good],
                        table["cpu_seconds"][chosen][good]))
+        # Without forces in the end: a dot at the bottom.
+        last = np.nonzero(chosen)[0][-1]
+        if residuals[last] == 0:
+          gone[method] = table["iteration"][last], table["cpu_seconds"][last]
     shown = np.concatenate([np.array([])] + [curve[1] for curve in curves])
     shown = np.append(shown, [value for kind, value in levels
                               if kind == absolute and value is not None])
@@ -1060,13 +1064,16 @@ def CurvesFigure(arguments):
     axes[row, 0].set_yscale("log")
     axes[row, 0].set_ylim(10**low, 10**high)
     Decades(axes[row, 0].yaxis, low, high)
+    ends_of = [np.array([curve[2 + column][-1] for curve in curves])
+               for column in range(2)]
+    # A method that takes a twentieth of another's work is seen only so.
+    log = len(curves) > 1 and all(ends.min() > 0 for ends in ends_of) and any(
+        ends.max() > 20 * ends.min() for ends in ends_of)
     for column, ax in enumerate(axes[row]):
-      ends = np.array([curve[2 + column][-1] for curve in curves])
+      ends = ends_of[column]
       factor, label = (1.0, "iterations")
       if column == 1:
         factor, label = TimeUnit(ends.max(initial=0.0))
-      # A method that takes a twentieth of another's work is seen only so.
-      log = len(ends) > 1 and ends.min() > 0 and ends.max() > 20 * ends.min()
       first = 1.0 if column == 0 else 1e-3 * ends.min(initial=np.inf) * factor
       for method, values, *work in curves:
         colour, dashes, _ = styles[method]
@@ -1077,6 +1084,15 @@ def CurvesFigure(arguments):
         ax.plot(x, np.minimum.accumulate(values), color=colour, linestyle=dashes,
                 linewidth=1.9, zorder=3)
         least = values.min()
+        if method in gone:
+          x = np.array([x[-1], max(gone[method][column] * factor, first)])
+          ax.plot(x, [least, 10**low], color=colour, linestyle=dashes, linewidth=1.9,
+                  zorder=3)
+          ax.plot(x[1:], [10**low], "o", markerfacecolor="white", clip_on=False,
+                  markeredgecolor=colour, markeredgewidth=1.8, markersize=8, zorder=5)
+          ax.annotate("$E = 0$", (x[1], 10**low), xytext=(-9, 6), ha="right",
+                      textcoords="offset points", color=INK)
+          continue
         failed = any(kind == absolute and value is not None and least > value
                      for kind, value in levels[:1])
         ax.plot(x[-1:], [least], "X" if failed else "o", color=colour,
@@ -1167,7 +1183,7 @@ def WorkFigure(arguments):
       # What every method has at the start says nothing.
       least = min([curve[2 + column][curve[2 + column][:, 1] > 0, 1].min(initial=most)
                    for curve in curves], default=1.0)
-      first = max(least, 1e-4 * most) * factor
+      first = least * factor
       for method, values, *work in curves:
         colour, dashes, marker = styles[method]
         x = np.maximum(work[column] * factor, first)

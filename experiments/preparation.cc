@@ -154,14 +154,21 @@ void Preparation::Note(const std::string& name,
   if (!EvaluateQuad(packing, scene_.energy, nullptr, &judge, &error)) {
     BadInput(error);
   }
+  const auto energy = ContactEnergy::Create(packing, scene_.energy, &error);
+  if (energy == nullptr) BadInput(error);
+  const std::vector<double> zero(energy->NumParameters(), 0.0);
+  double cost;
+  Scales scales;
+  energy->EvaluateWithScales(zero.data(), &cost, nullptr, &scales);
+  const double vanishing = cost > 0.0 ? scales.vanishing : 0.0;
   const auto found = packing.attributes.find("phi_j");
   const double phi = packing.PackingFraction();
   std::string line = name + Format(": phi = %.10g, ", phi);
-  if (judge.energy > 0.0) {
+  if (vanishing > FLAGS_zero_pressure) {
     line += Format(
         "E = %.3e, residual %.0e mean forces", judge.energy, judge.Relative());
   } else {
-    line += "unjammed, E = 0";
+    line += Format("unjammed, E = %.3g", judge.energy);
   }
   json_.push_back({{"name", name},
                    {"phi", phi},

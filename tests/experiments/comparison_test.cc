@@ -153,8 +153,8 @@ TEST(Comparison, MinimaAreToldApartByEnergyAndDisplacement) {
   const auto tag = [&](double energy,
                        const std::vector<double>& u,
                        double residual = 1e-10,
-                       bool vanished = false) {
-    return minima.Tag(energy, residual, vanished, 1e-3, u, rigid);
+                       double vanishing = 1e-3) {
+    return minima.Tag(energy, residual, vanishing, 1e-3, u, rigid);
   };
   EXPECT_EQ(tag(1.0, {0, 0, 0, 0, 0, 0}), "A");
   // A translation, and a rattler anywhere.
@@ -164,7 +164,8 @@ TEST(Comparison, MinimaAreToldApartByEnergyAndDisplacement) {
   EXPECT_EQ(tag(1.1, {0, 0, 0, 0, 0, 0}), "C");
   EXPECT_EQ(tag(1.0, {0, 0, 0, 0, 0, 0}), "A");
   EXPECT_EQ(tag(1.0, {0, 0, 0, 0, 0, 0}, 1e-2), "-");
-  EXPECT_EQ(tag(0.0, {0, 0, 0, 0, 0, 0}, 0.0, true), "0");
+  EXPECT_EQ(tag(0.0, {0, 0, 0, 0, 0, 0}, 0.0), "0");
+  EXPECT_EQ(tag(1e-30, {0, 0, 0, 0, 0, 0}, 1.0, 1e-13), "0");
 }
 
 // Two methods, one case, three repetitions; the second method fails once at the

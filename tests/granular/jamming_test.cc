@@ -97,6 +97,29 @@ TEST_P(CrystalTest, HexagonalLatticeJamsAtItsClosePacking) {
   EXPECT_EQ(result.jammed.observables.rigid_contacts, 3 * 36);
 }
 
+// From above: the same point, without growth.
+TEST_P(CrystalTest, AnOverJammedLatticeIsFollowedDownToItsClosePacking) {
+  JammingOptions options = Options(0.88, 1e-6, 1e-9);
+  options.energy.alpha = GetParam();
+  Packing start = Hexagonal(6);
+  start.SetPackingFraction(0.95);
+  JammingResult result;
+  std::string error;
+  ASSERT_TRUE(DecompressToJamming(
+      start, options, *DefaultSolver(), nullptr, &result, &error))
+      << error;
+  EXPECT_TRUE(result.converged);
+  EXPECT_EQ(result.cycles, 0);
+  EXPECT_NEAR(result.phi_j, kPi / (2.0 * std::sqrt(3.0)), result.distance);
+  start.SetPackingFraction(0.9);
+  EXPECT_FALSE(DecompressToJamming(
+      start, options, *DefaultSolver(), nullptr, &result, &error));
+  EXPECT_NE(error.find("not jammed at phi = 0.9"), std::string::npos) << error;
+  options.error_bar = std::numeric_limits<double>::infinity();
+  EXPECT_FALSE(DecompressToJamming(
+      start, options, *DefaultSolver(), nullptr, &result, &error));
+}
+
 TEST_P(CrystalTest, FaceCentredCubicLatticeJamsAtItsClosePacking) {
   JammingOptions options = Options(0.72, 1e-6, 1e-9);
   options.energy.alpha = GetParam();
