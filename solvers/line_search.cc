@@ -13,6 +13,8 @@ constexpr double kMinExpansion = 1.5;
 constexpr double kMaxExpansion = 10.0;
 // Trials stay this part of the interval away from its ends.
 constexpr double kMargin = 0.05;
+// Of an interval that says nothing about the function, this part is next.
+constexpr double kBackOff = 0.1;
 // The interval is resolved when it is shorter than this part of its upper end.
 constexpr double kResolution = 1e-14;
 
@@ -98,9 +100,10 @@ LineSearchResult SearchLine(const LineFunction& evaluate,
     if (!(now > kResolution * high.step)) break;
     double part = 0.5;
     if (!high_is_finite) {
-      part = 0.1;
+      part = kBackOff;
     } else if (width_before > 0.0 && now > 0.5 * width_before) {
-      part = 0.5;
+      // From the start the size of a good step is not known: decades at once.
+      part = low.step > 0.0 ? 0.5 : kBackOff;
     } else if (high.slope > 0.0) {
       part = low.slope / (low.slope - high.slope);
     } else {
