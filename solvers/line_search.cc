@@ -41,21 +41,21 @@ LineSearchResult SearchLine(const LineFunction& evaluate,
   LinePoint high;            // the upper end, if has_high
   bool has_high = false;
   bool high_is_finite = false;
-  bool low_is_last = false;
+  double last_step = 0.0;  // of the trials so far
   double width_before = 0.0;  // of the interval two trials ago
   double width = 0.0;         // of the interval one trial ago
   double step = first_step;
 
   for (int trial = 0; trial < options.max_trials; ++trial) {
-    LinePoint p;
+    LinePoint p = result.point;
     const LineEvaluation outcome = evaluate(step, &p);
     if (outcome == LineEvaluation::STOP) {
       result.end = LineSearchEnd::STOPPED;
-      result.point = low;
-      result.is_last = false;
+      result.is_last =
+          result.point.step > 0.0 && result.point.step == last_step;
       return result;
     }
-    low_is_last = false;
+    last_step = step;
     if (outcome == LineEvaluation::NOT_FINITE) {
       high = LinePoint{step, 0.0, 0.0};
       has_high = true;
@@ -80,7 +80,6 @@ LineSearchResult SearchLine(const LineFunction& evaluate,
       } else {
         before = low;
         low = p;
-        low_is_last = true;
         result.point = p;
       }
     }
@@ -118,7 +117,7 @@ LineSearchResult SearchLine(const LineFunction& evaluate,
   }
   result.end = result.point.step > 0.0 ? LineSearchEnd::DECREASE
                                        : LineSearchEnd::NO_STEP;
-  result.is_last = low_is_last && result.point.step == low.step;
+  result.is_last = result.point.step > 0.0 && result.point.step == last_step;
   return result;
 }
 
