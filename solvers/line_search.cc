@@ -41,7 +41,7 @@ LineSearchResult SearchLine(const LineFunction& evaluate,
   LinePoint high;            // the upper end, if has_high
   bool has_high = false;
   bool high_is_finite = false;
-  double last_step = 0.0;  // of the trials so far
+  double last_step = 0.0;     // of the trials so far
   double width_before = 0.0;  // of the interval two trials ago
   double width = 0.0;         // of the interval one trial ago
   double step = first_step;
