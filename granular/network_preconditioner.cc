@@ -93,7 +93,9 @@ class Laplacian : public NetworkPreconditioner {
       }
     }
     double cost;
-    bool measured = monitor->Evaluate(x.data(), &cost, g.data(), nullptr);
+    const bool measured =
+        !monitor->BudgetSpent() &&
+        monitor->Evaluate(x.data(), &cost, g.data(), nullptr);
     const Monitor::LinearTimer timer(monitor);
     double mu = 0.0;
     if (measured) {

@@ -13,6 +13,8 @@ constexpr double kMinExpansion = 1.5;
 constexpr double kMaxExpansion = 10.0;
 // Trials stay this part of the interval away from its ends.
 constexpr double kMargin = 0.05;
+// Of an interval that says nothing about the function, this part is next.
+constexpr double kBackOff = 0.1;
 // The interval is resolved when it is shorter than this part of its upper end.
 constexpr double kResolution = 1e-14;
 
@@ -39,21 +41,21 @@ LineSearchResult SearchLine(const LineFunction& evaluate,
   LinePoint high;            // the upper end, if has_high
   bool has_high = false;
   bool high_is_finite = false;
-  bool low_is_last = false;
+  double last_step = 0.0;     // of the trials so far
   double width_before = 0.0;  // of the interval two trials ago
   double width = 0.0;         // of the interval one trial ago
   double step = first_step;
 
   for (int trial = 0; trial < options.max_trials; ++trial) {
-    LinePoint p;
+    LinePoint p = result.point;
     const LineEvaluation outcome = evaluate(step, &p);
     if (outcome == LineEvaluation::STOP) {
       result.end = LineSearchEnd::STOPPED;
-      result.point = low;
-      result.is_last = false;
+      result.is_last =
+          result.point.step > 0.0 && result.point.step == last_step;
       return result;
     }
-    low_is_last = false;
+    last_step = step;
     if (outcome == LineEvaluation::NOT_FINITE) {
       high = LinePoint{step, 0.0, 0.0};
       has_high = true;
@@ -78,7 +80,6 @@ LineSearchResult SearchLine(const LineFunction& evaluate,
       } else {
         before = low;
         low = p;
-        low_is_last = true;
         result.point = p;
       }
     }
@@ -98,9 +99,10 @@ LineSearchResult SearchLine(const LineFunction& evaluate,
     if (!(now > kResolution * high.step)) break;
     double part = 0.5;
     if (!high_is_finite) {
-      part = 0.1;
+      part = kBackOff;
     } else if (width_before > 0.0 && now > 0.5 * width_before) {
-      part = 0.5;
+      // From the start the size of a good step is not known: decades at once.
+      part = low.step > 0.0 ? 0.5 : kBackOff;
     } else if (high.slope > 0.0) {
       part = low.slope / (low.slope - high.slope);
     } else {
@@ -115,7 +117,7 @@ LineSearchResult SearchLine(const LineFunction& evaluate,
   }
   result.end = result.point.step > 0.0 ? LineSearchEnd::DECREASE
                                        : LineSearchEnd::NO_STEP;
-  result.is_last = low_is_last && result.point.step == low.step;
+  result.is_last = result.point.step > 0.0 && result.point.step == last_step;
   return result;
 }
 

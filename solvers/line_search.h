@@ -25,7 +25,7 @@ enum class LineSearchEnd {
   WOLFE,     // both conditions hold
   DECREASE,  // trials or digits ran out at a point with sufficient decrease
   NO_STEP,   // ... without one: stay at the start
-  STOPPED,   // `evaluate` asked to stop
+  STOPPED,   // `evaluate` asked to stop; with decrease, or the start
 };
 
 struct LineSearchResult {
@@ -35,7 +35,8 @@ struct LineSearchResult {
   bool is_last = false;
 };
 
-// What an evaluation on the line says.
+// What an evaluation on the line says. On entry the LinePoint is the one that
+// the search would end with if it ended now (step 0: the start).
 enum class LineEvaluation { OK, NOT_FINITE, STOP };
 using LineFunction = std::function<LineEvaluation(double step, LinePoint*)>;
 

@@ -33,7 +33,7 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
   const std::unique_ptr<DirectionRule> rule = MakeRule(n, preconditioned);
 
   VectorXd x = Eigen::Map<const VectorXd>(x_out, n);
-  VectorXd g(n), d(n), s(n), x_trial(n), g_trial(n);
+  VectorXd g(n), d(n), s(n), x_trial(n), g_trial(n), x_kept(n), g_kept(n);
   VectorXd z_own(preconditioned ? n : 0), z_new_own(preconditioned ? n : 0);
   double cost = 0.0;
   Scales scales;
@@ -72,10 +72,18 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
       break;
     }
 
-    double trial_cost = cost;
-    Scales trial_scales = scales;
+    // The last trial, and the one that the search may come back to.
+    double trial_step = 0.0, trial_cost = cost, kept_cost = cost;
+    Scales trial_scales = scales, kept_scales = scales;
     const auto evaluate = [&](double step, LinePoint* p) {
       if (monitor.BudgetSpent()) return LineEvaluation::STOP;
+      if (p->step > 0.0 && p->step == trial_step) {
+        std::swap(x_kept, x_trial);
+        std::swap(g_kept, g_trial);
+        kept_cost = trial_cost;
+        kept_scales = trial_scales;
+      }
+      trial_step = step;
       x_trial = x + step * d;
       if (!monitor.Evaluate(
               x_trial.data(), &trial_cost, g_trial.data(), &trial_scales)) {
@@ -101,12 +109,10 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
     // A stop inside the line search may leave a better point behind.
     if (found.point.step == 0.0) break;
     if (!found.is_last) {
-      x_trial = x + found.point.step * d;
-      if (!monitor.Evaluate(
-              x_trial.data(), &trial_cost, g_trial.data(), &trial_scales)) {
-        monitor.FailEvaluation();
-        break;
-      }
+      std::swap(x_kept, x_trial);
+      std::swap(g_kept, g_trial);
+      trial_cost = kept_cost;
+      trial_scales = kept_scales;
     }
     s = x_trial - x;
     std::swap(x, x_trial);

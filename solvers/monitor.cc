@@ -340,6 +340,8 @@ void Monitor::Recenter(const double* x) {
 
 bool Monitor::WantsRebase() const {
   if (!can_rebase_ || !(last_scales_.gradient > 0.0)) return false;
+  // Rebasing costs an evaluation.
+  if (counters_.evaluations >= options_.max_evaluations) return false;
   const double residual = last_max_gradient_ / last_scales_.gradient;
   return kEpsilon * last_max_x_ > 0.05 * residual * last_scales_.length;
 }

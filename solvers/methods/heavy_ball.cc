@@ -3,7 +3,7 @@
 //   x_{k+1} = x_k - h z_k + beta (x_k - x_{k-1}),   z = P^-1 g
 //
 // with h = step Scales::length / Scales::gradient, or h = step with a
-// preconditioner. Where the momentum points uphill, z.(x_k - x_{k-1}) > 0, it
+// preconditioner. Where the momentum points uphill, g.(x_k - x_{k-1}) > 0, it
 // is dropped.
 //
 // Deviations: Polyak's optimal h and beta need the extreme eigenvalues of the
@@ -76,7 +76,7 @@ class HeavyBall : public Solver {
         z = g;
         h *= monitor.StepUnit();
       }
-      if (z.dot(move) > 0.0 && !is_start) {
+      if (g.dot(move) > 0.0 && !is_start) {
         // A Rayleigh quotient of P^-1 H.
         const VectorXd dg = g - g_before;
         const double bend = dg.dot(move);
