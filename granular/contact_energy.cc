@@ -30,6 +30,11 @@ constexpr int kManyEvaluations = 200;
 // rest is for the rounding of positions.
 constexpr double kUsableSkin = 0.999;
 
+// The Hessian's pattern holds pairs nearer than this part of the smallest
+// radius: a wider margin serves longer, but its factor has more entries (0.1
+// doubles the time of a factorization).
+constexpr double kPatternMargin = 0.02;
+
 // Displacements of more cell heights than this are refused.
 constexpr double kMaxCells = 1e6;
 
@@ -277,53 +282,69 @@ bool ContactEnergy::HessianTimes(const double* u,
   return true;
 }
 
-bool ContactEnergy::EvaluateStiffness(const double* u,
-                                      double prestress,
-                                      SparseMatrix* hessian) const {
-  if (!Prepare(u)) return false;
+void ContactEnergy::UpdatePattern() const {
   const int d = dimension_;
-  const int n = NumParameters();
+  std::vector<PairState> states(list_.num_pairs());
+  kernel_->States(View(), workspace_.data(), states.data());
+  bool is_kept = pattern_list_version_ == list_version_;
+  for (int p = 0; p < list_.num_pairs() && is_kept; ++p) {
+    is_kept = block_rank_[p] >= 0 || !(states[p].delta > 0.0);
+  }
+  if (is_kept) return;
+  pattern_list_version_ = list_version_;
+  ++pattern_version_;
   // The columns of grain i hold the lower part of its own block, then one block
-  // for each j > i in the list (several images of j share it); the number of
-  // entries is known, so the pattern is written in place.
-  std::vector<int> block_rank(list_.num_pairs(), 0);
-  std::vector<int> column_start(n + 1, 0);
+  // for each j > i (several images of j share it); the number of entries is
+  // known, so the pattern is written in place.
+  block_rank_.assign(list_.num_pairs(), -1);
+  column_start_.assign(NumParameters() + 1, 0);
+  const double margin = kPatternMargin * min_radius_;
   for (int i = 0; i < num_grains_; ++i) {
     int blocks = 0;
     int previous = i;
     for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
+      if (!(states[p].delta > -margin) || list_.j[p] == i) continue;
       if (list_.j[p] != previous) ++blocks;
       previous = list_.j[p];
-      block_rank[p] = blocks - 1;
+      block_rank_[p] = blocks - 1;
     }
     for (int c = 0; c < d; ++c) {
-      column_start[d * i + c + 1] =
-          column_start[d * i + c] + (d - c) + d * blocks;
+      column_start_[d * i + c + 1] =
+          column_start_[d * i + c] + (d - c) + d * blocks;
     }
   }
+}
+
+bool ContactEnergy::EvaluateStiffness(const double* u,
+                                      double prestress,
+                                      SparseMatrix* hessian) const {
+  if (!Prepare(u)) return false;
+  UpdatePattern();
+  const int d = dimension_;
+  const int n = NumParameters();
   hessian->resize(n, n);
-  hessian->resizeNonZeros(column_start[n]);
-  std::copy(column_start.begin(), column_start.end(), hessian->outerIndexPtr());
+  hessian->resizeNonZeros(column_start_[n]);
+  std::copy(
+      column_start_.begin(), column_start_.end(), hessian->outerIndexPtr());
   int* rows = hessian->innerIndexPtr();
   for (int i = 0; i < num_grains_; ++i) {
     for (int c = 0; c < d; ++c) {
-      int* row = rows + column_start[d * i + c];
+      int* row = rows + column_start_[d * i + c];
       for (int r = c; r < d; ++r) *row++ = d * i + r;
-      int previous = i;
+      int previous = -1;
       for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
-        const int j = list_.j[p];
-        if (j == previous) continue;
-        previous = j;
-        for (int r = 0; r < d; ++r) *row++ = d * j + r;
+        if (block_rank_[p] == previous || block_rank_[p] < 0) continue;
+        previous = block_rank_[p];
+        for (int r = 0; r < d; ++r) *row++ = d * list_.j[p] + r;
       }
     }
   }
-  std::fill(hessian->valuePtr(), hessian->valuePtr() + column_start[n], 0.0);
+  std::fill(hessian->valuePtr(), hessian->valuePtr() + column_start_[n], 0.0);
   kernel_->AddHessian(View(),
                       workspace_.data(),
                       prestress,
-                      block_rank.data(),
-                      column_start.data(),
+                      block_rank_.data(),
+                      column_start_.data(),
                       hessian->valuePtr());
   return true;
 }

@@ -73,7 +73,8 @@ class ContactEnergy : public UnilateralFunction {
   bool Recenter(const double* u) override;
   bool Rebase(double* u) override;
 
-  // SecondOrderFunction. The pattern holds every pair of the neighbour list.
+  // SecondOrderFunction. The pattern holds every pair that touches or is nearly
+  // in touch; it is kept until a pair outside of it touches.
   bool EvaluateHessian(const double* u, SparseMatrix* hessian) const override {
     return EvaluateStiffness(u, 1.0, hessian);
   }
@@ -82,7 +83,7 @@ class ContactEnergy : public UnilateralFunction {
   bool EvaluateStiffness(const double* u,
                          double prestress,
                          SparseMatrix* hessian) const;
-  std::int64_t PatternVersion() const override { return list_version_; }
+  std::int64_t PatternVersion() const override { return pattern_version_; }
   int BlockSize() const override { return dimension_; }
   bool HessianTimes(const double* u,
                     const double* v,
@@ -112,6 +113,8 @@ class ContactEnergy : public UnilateralFunction {
   bool Prepare(const double* u) const;
   bool BuildList(const double* u, std::string* error) const;
   void SetReferencePairs() const;
+  // Makes the Hessian's pattern anew if a pair outside of it touches.
+  void UpdatePattern() const;
   PairView View() const;
   double PairStiffness(int i, int j) const;
 
@@ -134,7 +137,12 @@ class ContactEnergy : public UnilateralFunction {
   mutable std::vector<ReferencePair> reference_pairs_;
   mutable std::vector<double> pair_force_;
   mutable std::vector<double> pair_stiffness_;  // empty: all 1
-  mutable double last_overlap_ = 0.0;           // mean, of the last evaluation
+  // The pattern of the Hessian: the place of a pair's block below the diagonal
+  // of its column, -1 if it has none, and the start of each column.
+  mutable std::int64_t pattern_version_ = 0;
+  mutable std::int64_t pattern_list_version_ = -1;
+  mutable std::vector<int> block_rank_, column_start_;
+  mutable double last_overlap_ = 0.0;  // mean, of the last evaluation
 };
 
 }  // namespace granopt
