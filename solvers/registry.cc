@@ -28,10 +28,15 @@ std::vector<Entry<Factory>>& Entries() {
   return entries;
 }
 
-template <typename Factory>
-const std::vector<Entry<Factory>>& RegisteredEntries() {
+// Methods and preconditioners are registered by one call, made once.
+void RegisterOnce() {
   static std::once_flag once;
   std::call_once(once, RegisterAllMethods);
+}
+
+template <typename Factory>
+const std::vector<Entry<Factory>>& RegisteredEntries() {
+  RegisterOnce();
   return Entries<Factory>();
 }
 
