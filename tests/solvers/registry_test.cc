@@ -48,16 +48,28 @@ std::vector<std::string> OptionKeys(const std::string& name) {
   return keys;
 }
 
+// Files in subfolders need a package that a build may be without: all of a
+// subfolder are there or none.
 TEST(Registry, HasOneMethodForEachFile) {
+  // Once, whichever list is asked for first.
+  ListPreconditioners();
+  namespace fs = std::filesystem;
+  const std::vector<std::string> names = Names();
   std::vector<std::string> files;
-  for (const auto& entry : std::filesystem::directory_iterator(
+  for (const auto& entry : fs::recursive_directory_iterator(
            std::string(GRANOPT_TEST_DATA) + "/../../solvers/methods")) {
-    if (entry.path().extension() == ".cc") {
-      files.push_back(entry.path().stem().string());
-    }
+    const fs::path file = entry.path();
+    if (file.extension() != ".cc") continue;
+    const bool optional = file.parent_path().filename() != "methods";
+    const bool present = std::any_of(
+        fs::directory_iterator(file.parent_path()), {}, [&](const auto& other) {
+          return std::count(names.begin(), names.end(), other.path().stem()) >
+                 0;
+        });
+    if (!optional || present) files.push_back(file.stem().string());
   }
   std::sort(files.begin(), files.end());
-  EXPECT_EQ(Names(), files);
+  EXPECT_EQ(names, files);
 }
 
 TEST(Registry, EveryMethodSaysWhatItIs) {
