@@ -80,18 +80,6 @@ TEST(Registry, EverythingIsRegisteredOnce) {
   }
 }
 
-// Whoever is asked for first, methods or preconditioners.
-TEST(Registry, EverythingIsRegisteredOnce) {
-  ListPreconditioners();
-  std::set<std::string> names;
-  for (const std::string& name : Names()) {
-    EXPECT_TRUE(names.insert(name).second) << name;
-  }
-  for (const SolverInfo& info : ListPreconditioners()) {
-    EXPECT_TRUE(names.insert(info.name).second) << info.name;
-  }
-}
-
 TEST(Registry, EveryMethodSaysWhatItIs) {
   for (const SolverInfo& info : ListSolvers()) {
     SCOPED_TRACE(info.name);

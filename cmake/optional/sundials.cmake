@@ -1,0 +1,23 @@
+# SUNDIALS 6, for gradient_flow: libsundials-dev. Serial vectors only, no MPI.
+find_path(SUNDIALS_INCLUDE_DIR cvode/cvode.h)
+set(optional_found ${SUNDIALS_INCLUDE_DIR})
+foreach(part cvode nvecserial sunlinsolspgmr)
+  find_library(SUNDIALS_${part}_LIBRARY sundials_${part})
+  mark_as_advanced(SUNDIALS_${part}_LIBRARY)
+  if(NOT SUNDIALS_${part}_LIBRARY)
+    set(optional_found FALSE)
+  endif()
+  list(APPEND optional_libraries ${SUNDIALS_${part}_LIBRARY})
+  list(APPEND optional_pkg_config -lsundials_${part})
+endforeach()
+mark_as_advanced(SUNDIALS_INCLUDE_DIR)
+if(optional_found)
+  file(STRINGS ${SUNDIALS_INCLUDE_DIR}/sundials/sundials_config.h sundials_version
+       REGEX "define SUNDIALS_VERSION_MAJOR 6")
+  if(sundials_version)
+    set(optional_found TRUE)
+    set(optional_include_dirs ${SUNDIALS_INCLUDE_DIR})
+  else()
+    set(optional_found FALSE)  # 7 takes an MPI_Comm and other names
+  endif()
+endif()
