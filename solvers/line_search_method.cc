@@ -94,7 +94,16 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
     };
     const LineSearchResult found =
         SearchLine(evaluate, start, first_step, line_search_);
-    if (found.end == LineSearchEnd::NO_STEP) {
+    // A stop inside the line search may leave a better point behind.
+    if (monitor.stopped() && found.point.step == 0.0) break;
+    if (found.point.step > 0.0 && !found.is_last) {
+      std::swap(x_kept, x_trial);
+      std::swap(g_kept, g_trial);
+      trial_cost = kept_cost;
+      trial_scales = kept_scales;
+    }
+    // Neither is a step that rounding takes away.
+    if (found.point.step == 0.0 || x_trial == x) {
       if (monitor.LastEvaluationFailed()) {
         monitor.FailEvaluation();
       } else if (is_fresh) {
@@ -105,14 +114,6 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
         is_fresh = true;
       }
       continue;
-    }
-    // A stop inside the line search may leave a better point behind.
-    if (found.point.step == 0.0) break;
-    if (!found.is_last) {
-      std::swap(x_kept, x_trial);
-      std::swap(g_kept, g_trial);
-      trial_cost = kept_cost;
-      trial_scales = kept_scales;
     }
     s = x_trial - x;
     std::swap(x, x_trial);

@@ -13,6 +13,13 @@ namespace {
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
+// A run has got all there is when it has found no better point in so many
+// iterations, and the gradient is so many rounding errors of its terms ...
+constexpr std::int64_t kPatienceAtRoundoff = 200;
+constexpr double kRoundoff = 20.0 * kEpsilon;
+// ... or, whatever the gradient is, in so many.
+constexpr std::int64_t kPatience = 10000;
+
 double MaxNorm(const double* v, int n) {
   double result = 0.0;
   for (int i = 0; i < n; ++i) result = std::max(result, std::abs(v[i]));
@@ -223,6 +230,7 @@ bool Monitor::Accept(const double* x,
     best_cost_ = cost;
     best_max_gradient_ = max_gradient;
     best_scales_ = scales;
+    best_iteration_ = counters_.iterations;
   }
   least_cost_ = started_ ? std::min(least_cost_, cost) : cost;
   started_ = true;
@@ -276,10 +284,26 @@ bool Monitor::Accept(const double* x,
                max_gradient,
                tolerance,
                iterations));
-  } else {
-    BudgetSpent();
+  } else if (!BudgetSpent()) {
+    const std::int64_t since = counters_.iterations - best_iteration_;
+    if (since >= kPatienceAtRoundoff && best_max_gradient_ <= Roundoff()) {
+      GiveUp(
+          Format("none of the last %lld was better, and |g| is within its "
+                 "roundoff, %.1e",
+                 static_cast<long long>(since),
+                 Roundoff()));
+    } else if (since >= kPatience) {
+      GiveUp(Format("none of the last %lld was better",
+                    static_cast<long long>(since)));
+    }
   }
   return stopped_;
+}
+
+double Monitor::Roundoff() const {
+  const Scales& s = last_scales_;
+  if (!(s.gradient > 0.0 && s.length > 0.0)) return 0.0;
+  return kRoundoff * (s.gradient + last_max_x_ * (s.gradient / s.length));
 }
 
 bool Monitor::BudgetSpent() {
@@ -328,7 +352,11 @@ double Monitor::StepUnit() const {
 }
 
 void Monitor::Stop(StopReason reason, std::string message) {
-  if (stopped_) return;
+  // A budget that ran out on the way to a point that has converged did not
+  // matter.
+  const bool success =
+      reason == StopReason::CONVERGED || reason == StopReason::VANISHED;
+  if (stopped_ && !success) return;
   stopped_ = true;
   reason_ = reason;
   message_ = std::move(message);

@@ -4,6 +4,7 @@
 #define GRANOPT_SOLVERS_MONITOR_H_
 
 #include <chrono>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -52,7 +53,10 @@ class Monitor {
 
   // Tells the monitor of an accepted iterate (the first call is the start,
   // every further one counts an iteration). Returns true if the run must stop;
-  // the reason is then set.
+  // the reason is then set. A run without a better point for 200 iterations
+  // while max|g| is within the rounding of its terms,
+  //   20 eps Scales::gradient (1 + max|x| / Scales::length),
+  // or for 10000 iterations whatever it is, makes no progress.
   bool Accept(const double* x,
               double cost,
               const double* gradient,
@@ -111,6 +115,8 @@ class Monitor {
 
  private:
   void Stop(StopReason reason, std::string message);
+  // See Accept(). 0 where the function states no scales.
+  double Roundoff() const;
   double Seconds() const;
   bool IsBetter(double cost, double max_gradient);
 
@@ -147,6 +153,7 @@ class Monitor {
   double least_cost_ = 0.0;
   double best_cost_ = 0.0;
   double best_max_gradient_ = 0.0;
+  std::int64_t best_iteration_ = 0;
   Scales best_scales_;
   std::vector<TraceRow> trace_;
 };

@@ -71,6 +71,7 @@ class HeavyBall : public Solver {
         preconditioner->Update({x.data(), cost, g.data(), scales},
                                is_start ? nullptr : move.data(),
                                &monitor);
+        if (monitor.BudgetSpent()) break;
         preconditioner->Solve(g.data(), z.data(), &monitor);
       } else {
         z = g;

@@ -1,0 +1,872 @@
+// What every registered method must do, whatever it is (method_table.h excuses
+// some from some of it): end where it should, for the reason that it states,
+// with the best point that it has seen, within its budgets, and whatever the
+// function does.
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "granular/quad_residual.h"
+#include "gtest/gtest.h"
+#include "solvers/preconditioner.h"
+#include "solvers/registry.h"
+#include "tests/granular/method_table.h"
+#include "tests/granular/test_packings.h"
+#include "tests/solvers/run_method.h"
+#include "tests/solvers/test_functions.h"
+
+namespace granopt {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// ---- functions --------------------------------------------------------------
+
+// What a Watch may do to an evaluation (1, 2, ...): change it, or refuse it.
+using Meddle = std::function<bool(
+    int evaluation, const double* x, double* cost, double* gradient)>;
+
+// Counts, and checks that a method asks for nothing absurd. Passes everything
+// else on.
+template <typename Base>
+class WatchBase : public Base {
+ public:
+  WatchBase(Base* f, Meddle meddle) : f_(f), meddle_(std::move(meddle)) {}
+
+  int NumParameters() const override { return f_->NumParameters(); }
+  bool EvaluateWithScales(const double* x,
+                          double* cost,
+                          double* gradient,
+                          Scales* scales) const override {
+    ++evaluations_;
+    for (int i = 0; i < NumParameters(); ++i) {
+      EXPECT_TRUE(std::isfinite(x[i])) << "x[" << i << "]";
+    }
+    if (!f_->EvaluateWithScales(x, cost, gradient, scales)) return false;
+    if (meddle_ && !meddle_(evaluations_, x, cost, gradient)) return false;
+    if (std::isfinite(*cost)) least_cost_ = std::min(least_cost_, *cost);
+    return true;
+  }
+  bool Recenter(const double* x) override {
+    const bool moved = f_->Recenter(x);
+    recenters_ += moved ? 1 : 0;
+    return moved;
+  }
+  bool Rebase(double* x) override {
+    const bool moved = f_->Rebase(x);
+    rebases_ += moved ? 1 : 0;
+    return moved;
+  }
+
+  int evaluations() const { return evaluations_; }
+  int recenters() const { return recenters_; }
+  int rebases() const { return rebases_; }
+  double least_cost() const { return least_cost_; }
+
+ protected:
+  Base* f_;
+
+ private:
+  const Meddle meddle_;
+  mutable int evaluations_ = 0;
+  mutable double least_cost_ = kInfinity;
+  int recenters_ = 0;
+  int rebases_ = 0;
+};
+
+using WatchFirst = WatchBase<FirstOrderFunction>;
+
+class WatchSecond : public WatchBase<SecondOrderFunction> {
+ public:
+  using WatchBase::WatchBase;
+  bool EvaluateHessian(const double* x, SparseMatrix* h) const override {
+    ++hessians_;
+    return f_->EvaluateHessian(x, h);
+  }
+  int BlockSize() const override { return f_->BlockSize(); }
+  std::int64_t PatternVersion() const override { return f_->PatternVersion(); }
+  bool HessianTimes(const double* x,
+                    const double* v,
+                    double* hv) const override {
+    return f_->HessianTimes(x, v, hv);
+  }
+  int hessians() const { return hessians_; }
+
+ private:
+  mutable int hessians_ = 0;
+};
+
+// (x - s)^T A (x - s) / 2 with a sparse A: a chain of springs of very different
+// stiffness, 1 to `condition`, and a solution of order one.
+class Chain : public SecondOrderFunction {
+ public:
+  explicit Chain(int n, double condition) : solution_(n), a_(n, n) {
+    std::vector<Eigen::Triplet<double>> entries;
+    const auto add = [&](int i, int j, double k) {
+      entries.emplace_back(i, i, k);
+      entries.emplace_back(j, j, k);
+      entries.emplace_back(std::max(i, j), std::min(i, j), -k);
+    };
+    for (int i = 0; i < n; ++i) {
+      solution_[i] = std::cos(1.0 + i * i);
+      entries.emplace_back(i, i, 1.0);
+      if (i + 1 < n) add(i, i + 1, std::pow(condition / 4.0, i / (n - 1.0)));
+    }
+    a_.setFromTriplets(entries.begin(), entries.end());
+    gradient_scale_ =
+        Eigen::VectorXd(a_.selfadjointView<Eigen::Lower>() * solution_)
+            .cwiseAbs()
+            .mean();
+    largest_ = a_.diagonal().maxCoeff();
+  }
+  int NumParameters() const override {
+    return static_cast<int>(solution_.size());
+  }
+  const Eigen::VectorXd& solution() const { return solution_; }
+  bool EvaluateWithScales(const double* x,
+                          double* cost,
+                          double* gradient,
+                          Scales* scales) const override {
+    const int n = NumParameters();
+    const Eigen::VectorXd d =
+        Eigen::Map<const Eigen::VectorXd>(x, n) - solution_;
+    const Eigen::VectorXd g = a_.selfadjointView<Eigen::Lower>() * d;
+    *cost = 0.5 * d.dot(g);
+    if (gradient != nullptr) Eigen::Map<Eigen::VectorXd>(gradient, n) = g;
+    if (scales != nullptr) {
+      scales->gradient = gradient_scale_;
+      scales->length = gradient_scale_ / largest_;
+    }
+    return true;
+  }
+  bool EvaluateHessian(const double* /*x*/, SparseMatrix* h) const override {
+    *h = a_;
+    return true;
+  }
+  std::int64_t PatternVersion() const override { return 1; }
+  bool HessianTimes(const double* /*x*/,
+                    const double* v,
+                    double* hv) const override {
+    Eigen::Map<Eigen::VectorXd>(hv, NumParameters()) =
+        a_.selfadjointView<Eigen::Lower>() *
+        Eigen::Map<const Eigen::VectorXd>(v, NumParameters());
+    return true;
+  }
+
+ private:
+  Eigen::VectorXd solution_;
+  SparseMatrix a_;
+  double gradient_scale_, largest_;
+};
+
+// Second derivatives of what has two variables, by formula.
+class Rosenbrock2 : public SecondOrderFunction {
+ public:
+  int NumParameters() const override { return 2; }
+  bool EvaluateWithScales(const double* x,
+                          double* cost,
+                          double* gradient,
+                          Scales* scales) const override {
+    return f_.EvaluateWithScales(x, cost, gradient, scales);
+  }
+  bool EvaluateHessian(const double* x, SparseMatrix* h) const override {
+    h->resize(2, 2);
+    h->setZero();
+    h->insert(0, 0) = 1200.0 * x[0] * x[0] - 400.0 * x[1] + 2.0;
+    h->insert(1, 0) = -400.0 * x[0];
+    h->insert(1, 1) = 200.0;
+    h->makeCompressed();
+    return true;
+  }
+  std::int64_t PatternVersion() const override { return 1; }
+  bool HessianTimes(const double* x,
+                    const double* v,
+                    double* hv) const override {
+    SparseMatrix h;
+    EvaluateHessian(x, &h);
+    Eigen::Map<Eigen::Vector2d>(hv, 2) =
+        h.selfadjointView<Eigen::Lower>() *
+        Eigen::Map<const Eigen::Vector2d>(v, 2);
+    return true;
+  }
+
+ private:
+  Rosenbrock f_;
+};
+
+// c.x with or without scales: no minimum.
+class Linear : public FirstOrderFunction {
+ public:
+  explicit Linear(bool has_scales) : has_scales_(has_scales) {}
+  int NumParameters() const override { return 3; }
+  bool EvaluateWithScales(const double* x,
+                          double* cost,
+                          double* gradient,
+                          Scales* scales) const override {
+    *cost = x[0] - 2.0 * x[1] + 0.5 * x[2];
+    if (gradient != nullptr) {
+      gradient[0] = 1.0;
+      gradient[1] = -2.0;
+      gradient[2] = 0.5;
+    }
+    if (scales != nullptr) {
+      *scales = Scales();
+      if (has_scales_) scales->gradient = scales->length = 1.0;
+    }
+    return true;
+  }
+
+ private:
+  const bool has_scales_;
+};
+
+// f without its scales.
+class Unscaled : public FirstOrderFunction {
+ public:
+  explicit Unscaled(const FirstOrderFunction* f) : f_(f) {}
+  int NumParameters() const override { return f_->NumParameters(); }
+  bool EvaluateWithScales(const double* x,
+                          double* cost,
+                          double* gradient,
+                          Scales* scales) const override {
+    if (scales != nullptr) *scales = Scales();
+    return f_->EvaluateWithScales(x, cost, gradient, nullptr);
+  }
+
+ private:
+  const FirstOrderFunction* f_;
+};
+
+// ---- runs -------------------------------------------------------------------
+
+bool Supports(const std::string& spec, const FirstOrderFunction& f) {
+  std::string error;
+  const auto solver = CreateSolver(spec, &error);
+  EXPECT_NE(solver, nullptr) << error;
+  return solver != nullptr && solver->Supports(f, &error);
+}
+
+// What must be true of any run of any method on any function that it serves.
+// Costs may change in their last digits when the reference moves.
+void ExpectSound(const FirstOrderFunction& f,
+                 const std::vector<double>& start,
+                 const Result& run) {
+  const Summary& s = run.summary;
+  for (const double x : run.x) ASSERT_TRUE(std::isfinite(x));
+  EXPECT_FALSE(s.message.empty());
+  EXPECT_EQ(s.message.find("nan >"), std::string::npos) << s.message;
+  if (s.reason == StopReason::EVALUATION_FAILED &&
+      s.counters.evaluations <= 1) {
+    EXPECT_TRUE(SameBits(run.x, start));
+    return;
+  }
+  EXPECT_LE(s.cost, s.initial_cost + 1e-10 * std::abs(s.initial_cost));
+  EXPECT_TRUE(std::isfinite(s.cost));
+  EXPECT_TRUE(std::isfinite(s.max_gradient));
+  if (s.reason == StopReason::CONVERGED) {
+    EXPECT_LE(s.max_gradient, s.tolerance) << s.BriefReport();
+  } else if (s.reason != StopReason::VANISHED) {
+    EXPECT_GT(s.max_gradient, s.tolerance) << s.BriefReport();
+  }
+  // Both sides of the test that failed.
+  const bool numbers = s.reason == StopReason::CONVERGED ||
+                       s.reason == StopReason::MAX_ITERATIONS ||
+                       s.reason == StopReason::MAX_EVALUATIONS ||
+                       s.reason == StopReason::MAX_SECONDS ||
+                       s.reason == StopReason::CALLBACK ||
+                       s.reason == StopReason::NO_PROGRESS;
+  double left = -1.0, right = -1.0;
+  char relation[3] = "";
+  const std::size_t at = s.message.find("|g| = ");
+  if (numbers) {
+    ASSERT_NE(at, std::string::npos) << s.message;
+    ASSERT_EQ(std::sscanf(s.message.c_str() + at,
+                          "|g| = %lg %2[<=>] %lg",
+                          &left,
+                          relation,
+                          &right),
+              3)
+        << s.message;
+    if (s.reason == StopReason::CONVERGED) {
+      EXPECT_LE(left, right);
+    } else {
+      EXPECT_GT(left, right) << s.message;
+    }
+  }
+  // The point is what the summary says.
+  double cost;
+  std::vector<double> g(run.x.size());
+  Scales scales;
+  ASSERT_TRUE(f.EvaluateWithScales(run.x.data(), &cost, g.data(), &scales));
+  EXPECT_NEAR(cost, s.cost, 1e-10 * std::abs(cost));
+  const double slack = 1e-10 * s.max_gradient + 1e-13 * scales.gradient;
+  EXPECT_NEAR(MaxAbs(g), s.max_gradient, slack);
+}
+
+template <typename Watch>
+void ExpectCounted(const Watch& watch, const Summary& s) {
+  // A point that is not finite is counted, and not shown to the function.
+  EXPECT_GE(s.counters.evaluations, watch.evaluations());
+  if (s.reason != StopReason::EVALUATION_FAILED) {
+    EXPECT_EQ(s.counters.evaluations, watch.evaluations());
+  }
+  EXPECT_EQ(s.counters.recenters, watch.recenters());
+  EXPECT_EQ(s.counters.rebases, watch.rebases());
+}
+
+class Conformance : public testing::TestWithParam<std::string> {
+ protected:
+  const std::string& spec() const { return GetParam(); }
+  MethodTraits traits() const { return TraitsOf(spec()); }
+
+  // Runs on f under watch, with second derivatives if f has them.
+  Result Watched(FirstOrderFunction* f,
+                 const std::vector<double>& start,
+                 const SolveOptions& options,
+                 const Meddle& meddle = nullptr) {
+    auto* second = dynamic_cast<SecondOrderFunction*>(f);
+    Result run;
+    if (second != nullptr) {
+      WatchSecond watch(second, meddle);
+      run = Minimize(spec(), &watch, start, options);
+      ExpectCounted(watch, run.summary);
+      EXPECT_EQ(run.summary.counters.hessians, watch.hessians());
+      least_cost_ = watch.least_cost();
+    } else {
+      WatchFirst watch(f, meddle);
+      run = Minimize(spec(), &watch, start, options);
+      ExpectCounted(watch, run.summary);
+      least_cost_ = watch.least_cost();
+    }
+    return run;
+  }
+
+  double least_cost_ = 0.0;
+};
+
+INSTANTIATE_TEST_SUITE_P(Methods,
+                         Conformance,
+                         testing::ValuesIn(MethodSpecs(true)),
+                         TestName);
+
+// ---- functions with a formula -----------------------------------------------
+
+TEST_P(Conformance, ConvexQuadratic) {
+  for (const double condition : {1e3, 1e6}) {
+    SCOPED_TRACE(condition);
+    if (condition > traits().condition) continue;
+    const int n = 40;
+    Chain chain(n, condition);
+    const std::vector<double> start(n, 0.0);
+    if (!Supports(spec(), chain)) {
+      // Says so, and leaves x alone.
+      const Result run = Minimize(spec(), &chain, start);
+      EXPECT_EQ(run.summary.reason, StopReason::UNSUPPORTED);
+      EXPECT_FALSE(run.summary.message.empty());
+      EXPECT_TRUE(SameBits(run.x, start));
+      EXPECT_EQ(run.summary.counters.evaluations, 0);
+      return;
+    }
+    const Result run = Watched(&chain, start, Tolerance(1e-8));
+    EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
+        << run.summary.BriefReport();
+    ExpectSound(chain, start, run);
+    EXPECT_LE(run.summary.cost, least_cost_ + 1e-9 * run.summary.initial_cost);
+    // |x - s| <= |g| / lambda_min, lambda_min >= 1.
+    EXPECT_LE(
+        (Eigen::Map<const Eigen::VectorXd>(run.x.data(), n) - chain.solution())
+            .norm(),
+        std::sqrt(n) * run.summary.max_gradient);
+  }
+}
+
+TEST_P(Conformance, Rosenbrock) {
+  Rosenbrock2 f;
+  if (!Supports(spec(), f)) return;
+  const Result run = Watched(&f, kRosenbrockStart, Tolerance(1e-8));
+  EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
+  ExpectSound(f, kRosenbrockStart, run);
+  EXPECT_NEAR(run.x[0], 1.0, 1e-4);
+  EXPECT_NEAR(run.x[1], 1.0, 1e-4);
+}
+
+// Without scales a length is not known; an absolute tolerance ends the run.
+TEST_P(Conformance, FunctionWithoutScales) {
+  Quadratic quadratic(20, 1e2);
+  Unscaled f(&quadratic);
+  if (!Supports(spec(), f)) return;
+  SolveOptions options = Tolerance(1e-8);
+  options.absolute_tolerance = 1e-5;
+  const std::vector<double> start(20, 0.0);
+  const Result run = Watched(&f, start, options);
+  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
+      << run.summary.BriefReport();
+  ExpectSound(f, start, run);
+}
+
+// The relative tolerance of such a function is 0.
+TEST_P(Conformance, FunctionWithoutScalesNorTolerance) {
+  Quadratic quadratic(20, 1e2);
+  Unscaled f(&quadratic);
+  if (!Supports(spec(), f)) return;
+  SolveOptions options;
+  options.max_evaluations = 3000;
+  const std::vector<double> start(20, 0.0);
+  const Result run = Watched(&f, start, options);
+  ExpectSound(f, start, run);
+  EXPECT_LE(run.summary.max_gradient, 1e-6);
+}
+
+TEST_P(Conformance, UnboundedFunctionEndsByBudget) {
+  for (const bool has_scales : {true, false}) {
+    Linear f(has_scales);
+    if (!Supports(spec(), f)) return;
+    for (const int budget : {50, 1000}) {
+      SolveOptions options;
+      options.max_evaluations = budget;
+      const std::vector<double> start = {0.5, 0.25, 1.0};
+      // Not Watched(): points beyond the largest number are counted, too.
+      const Result run = Minimize(spec(), &f, start, options);
+      EXPECT_FALSE(run.summary.Succeeded()) << run.summary.BriefReport();
+      ExpectSound(f, start, run);
+      EXPECT_LE(run.summary.counters.evaluations, budget);
+      EXPECT_LT(run.summary.cost, run.summary.initial_cost);
+    }
+  }
+}
+
+// Variables far from zero: the origin moves, and nothing else does.
+TEST_P(Conformance, RebasesWhereRoundingLimits) {
+  Quadratic quadratic(20, 1e2);
+  Offset f(&quadratic, 1e8, /*can_rebase=*/true);
+  if (!Supports(spec(), f)) return;
+  const std::vector<double> start(20, 1e8);
+  const Result run = Watched(&f, start, Tolerance(1e-12));
+  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
+      << run.summary.BriefReport();
+  EXPECT_GE(run.summary.counters.rebases, 1);
+  EXPECT_LE(run.summary.counters.rebases, 3);
+  ExpectSound(f, run.x, run);
+  if (traits().foreign) return;
+  // Histories are kept: not many more iterations than from an origin of zero.
+  const Result plain = Minimize(
+      spec(), &quadratic, std::vector<double>(20, 0.0), Tolerance(1e-12));
+  EXPECT_LE(run.summary.counters.iterations,
+            1.3 * plain.summary.counters.iterations + 20);
+}
+
+TEST_P(Conformance, NoRebaseWhereNoneIsPossible) {
+  Quadratic quadratic(20, 1e2);
+  Offset f(&quadratic, 1e8);
+  if (!Supports(spec(), f)) return;
+  const std::vector<double> start(20, 1e8);
+  SolveOptions options = Tolerance(1e-12);
+  options.max_evaluations = 5000;
+  const Result run = Watched(&f, start, options);
+  EXPECT_EQ(run.summary.counters.rebases, 0);
+  ExpectSound(f, start, run);
+  EXPECT_LE(run.summary.max_gradient, 1e-5 * run.summary.scales.gradient);
+}
+
+// ---- functions that misbehave -----------------------------------------------
+
+// NaN in one evaluation: taken back, or said.
+TEST_P(Conformance, NanOnce) {
+  for (int bad = 2; bad <= 9; ++bad) {
+    SCOPED_TRACE(bad);
+    Chain chain(20, 1e2);
+    if (!Supports(spec(), chain)) return;
+    const std::vector<double> start(20, 0.0);
+    const Result run = Watched(
+        &chain,
+        start,
+        Tolerance(1e-8),
+        [bad](int evaluation, const double*, double* cost, double* gradient) {
+          if (evaluation != bad) return true;
+          if (bad % 2 == 0) *cost = kNan;
+          if (gradient != nullptr) gradient[7] = kNan;
+          return true;
+        });
+    ExpectSound(chain, start, run);
+    if (run.summary.Succeeded()) continue;
+    EXPECT_TRUE(traits().foreign) << run.summary.BriefReport();
+    EXPECT_EQ(run.summary.reason, StopReason::EVALUATION_FAILED);
+  }
+}
+
+// NaN from the third evaluation on.
+TEST_P(Conformance, NanFromTheThirdEvaluationOn) {
+  Chain chain(20, 1e2);
+  if (!Supports(spec(), chain)) return;
+  const std::vector<double> start(20, 0.0);
+  SolveOptions options = Tolerance(1e-8);
+  options.max_evaluations = 2000;
+  const Result run =
+      Watched(&chain,
+              start,
+              options,
+              [](int evaluation, const double*, double*, double* gradient) {
+                if (evaluation >= 3 && gradient != nullptr) gradient[17] = kNan;
+                return true;
+              });
+  EXPECT_EQ(run.summary.reason, StopReason::EVALUATION_FAILED)
+      << run.summary.BriefReport();
+  EXPECT_EQ(run.summary.message, "gradient[17] = nan at evaluation 3");
+  ExpectSound(chain, start, run);
+}
+
+TEST_P(Conformance, NanAtTheStart) {
+  Chain chain(20, 1e2);
+  if (!Supports(spec(), chain)) return;
+  const std::vector<double> start(20, 0.25);
+  const Result run = Watched(
+      &chain, start, {}, [](int, const double*, double*, double* gradient) {
+        if (gradient != nullptr) gradient[5] = -kInfinity;
+        return true;
+      });
+  EXPECT_EQ(run.summary.reason, StopReason::EVALUATION_FAILED);
+  EXPECT_EQ(run.summary.message, "gradient[5] = -inf at evaluation 1");
+  EXPECT_TRUE(SameBits(run.x, start));
+}
+
+// f whose scales say that it is softer than it is: first steps are too long.
+class Soft : public Chain {
+ public:
+  using Chain::Chain;
+  bool EvaluateWithScales(const double* x,
+                          double* cost,
+                          double* gradient,
+                          Scales* scales) const override {
+    Chain::EvaluateWithScales(x, cost, gradient, scales);
+    if (scales != nullptr) scales->length *= 1e4;
+    return true;
+  }
+};
+
+// Not defined, or infinite, outside of a valley that the start is at the rim
+// of. Every descent stays inside; a step that is too long does not.
+TEST_P(Conformance, RegionThatIsNotDefined) {
+  for (const bool refuses : {true, false}) {
+    SCOPED_TRACE(refuses ? "refuses" : "infinite");
+    Soft f(20, 1e2);
+    if (!Supports(spec(), f)) return;
+    const std::vector<double> start(20, 0.0);
+    const double rim = CostAt(f, start) * (1.0 + 1e-6);
+    int hits = 0;
+    const Result run = Watched(&f,
+                               start,
+                               Tolerance(1e-8),
+                               [&](int, const double*, double* cost, double*) {
+                                 if (*cost <= rim) return true;
+                                 ++hits;
+                                 *cost = kInfinity;
+                                 return !refuses;
+                               });
+    ExpectSound(f, start, run);
+    if (Contains(spec(), "preconditioner=none")) {
+      EXPECT_GT(hits, 0);
+    }
+    if (traits().foreign) continue;
+    EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
+        << run.summary.BriefReport();
+  }
+}
+
+// A wall across the way down: the best point before it is returned.
+TEST_P(Conformance, WallAcrossTheWay) {
+  Chain chain(20, 1e2);
+  if (!Supports(spec(), chain)) return;
+  const std::vector<double> start(20, 0.0);
+  SolveOptions options = Tolerance(1e-8);
+  options.max_evaluations = 30000;
+  const Result run = Watched(
+      &chain, start, options, [&](int, const double* x, double*, double*) {
+        return x[0] < 0.5 * chain.solution()[0];
+      });
+  ExpectSound(chain, start, run);
+  EXPECT_FALSE(run.summary.Succeeded());
+  if (traits().foreign) return;
+  EXPECT_LT(run.x[0], 0.5 * chain.solution()[0]);
+  EXPECT_LT(run.summary.cost, run.summary.initial_cost);
+}
+
+// ---- budgets ----------------------------------------------------------------
+
+TEST_P(Conformance, EvaluationsAreNotExceeded) {
+  Chain chain(20, 1e4);
+  if (!Supports(spec(), chain)) return;
+  const std::vector<double> start(20, 0.0);
+  for (const int budget : {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 15, 20, 33}) {
+    SCOPED_TRACE(budget);
+    SolveOptions options;
+    options.relative_tolerance = 1e-14;
+    options.max_evaluations = budget;
+    const Result run = Watched(&chain, start, options);
+    if (run.summary.Succeeded()) break;
+    EXPECT_EQ(run.summary.reason, StopReason::MAX_EVALUATIONS);
+    EXPECT_EQ(run.summary.counters.evaluations, budget);
+    ExpectSound(chain, start, run);
+    EXPECT_EQ(SameBits(run.x, start), budget == 1) << run.summary.BriefReport();
+  }
+}
+
+// Also where preconditioners and new origins take evaluations.
+TEST_P(Conformance, EvaluationsAreNotExceededOnAPacking) {
+  Packing packing = ReadData("n64_jammed.xyz");
+  packing.ScaleRadii(1.001);
+  for (int budget = 1; budget <= 40; ++budget) {
+    SCOPED_TRACE(budget);
+    const auto energy = MakeEnergy(packing, 2.0);
+    if (!Supports(spec(), *energy)) return;
+    SolveOptions options;
+    options.relative_tolerance = 1e-15;
+    options.max_evaluations = budget;
+    const std::vector<double> start(energy->NumParameters(), 0.0);
+    const Result run = Minimize(spec(), energy.get(), start, options);
+    EXPECT_LE(run.summary.counters.evaluations, budget);
+    EXPECT_EQ(run.summary.reason, StopReason::MAX_EVALUATIONS);
+    ExpectSound(*energy, start, run);
+  }
+}
+
+TEST_P(Conformance, IterationsAreNotExceeded) {
+  Chain chain(20, 1e4);
+  if (!Supports(spec(), chain)) return;
+  const std::vector<double> start(20, 0.0);
+  for (const int budget : {0, 1, 2, 5}) {
+    SolveOptions options;
+    options.relative_tolerance = 1e-15;
+    options.max_iterations = budget;
+    const Result run = Watched(&chain, start, options);
+    if (run.summary.Succeeded()) break;
+    EXPECT_EQ(run.summary.reason, StopReason::MAX_ITERATIONS);
+    EXPECT_EQ(run.summary.counters.iterations, budget);
+    ExpectSound(chain, start, run);
+    EXPECT_EQ(SameBits(run.x, start), budget == 0);
+  }
+}
+
+TEST_P(Conformance, NoTimeAtAll) {
+  Chain chain(20, 1e4);
+  if (!Supports(spec(), chain)) return;
+  SolveOptions options;
+  options.max_seconds = 0.0;
+  const std::vector<double> start(20, 0.0);
+  const Result run = Watched(&chain, start, options);
+  EXPECT_EQ(run.summary.reason, StopReason::MAX_SECONDS);
+  EXPECT_EQ(run.summary.counters.evaluations, 1);
+  EXPECT_TRUE(SameBits(run.x, start));
+  ExpectSound(chain, start, run);
+}
+
+TEST_P(Conformance, CallbackStopsAndSeesWhatThereIs) {
+  Chain chain(20, 1e4);
+  if (!Supports(spec(), chain)) return;
+  for (const int stop : {0, 1, 4}) {
+    SolveOptions options;
+    options.relative_tolerance = 1e-15;
+    int calls = 0;
+    options.callback = [&](const IterationState& state) {
+      EXPECT_EQ(state.counters.iterations, calls);
+      const std::vector<double> x(state.x, state.x + state.num_parameters);
+      EXPECT_TRUE(SameBits(state.cost, CostAt(chain, x)));
+      EXPECT_TRUE(SameBits(state.max_gradient, MaxGradientAt(chain, x)));
+      return ++calls <= stop;
+    };
+    const std::vector<double> start(20, 0.0);
+    const Result run = Watched(&chain, start, options);
+    EXPECT_EQ(run.summary.reason, StopReason::CALLBACK)
+        << run.summary.BriefReport();
+    EXPECT_EQ(run.summary.counters.iterations, stop);
+    EXPECT_EQ(calls, stop + 1);
+    ExpectSound(chain, start, run);
+  }
+}
+
+// ---- packings ---------------------------------------------------------------
+
+TEST_P(Conformance, Packings) {
+  for (const double alpha : {2.0, 2.5}) {
+    SCOPED_TRACE(alpha);
+    Packing packing =
+        ReadData(alpha == 2.0 ? "n256_phi0.8438_a2_relaxed.xyz"
+                              : "n256_phi0.8438_a2.5_relaxed.xyz");
+    packing.Deform(SimpleShear(2, 1e-4));
+    const auto energy = MakeEnergy(packing, alpha);
+    if (!Supports(spec(), *energy)) return;
+    // A momentum this large throws it out of the valley, and it takes more than
+    // 20000 iterations to come back.
+    if (spec() == "heavy_ball:preconditioner=hessian" && alpha > 2.0) continue;
+    const std::vector<double> start(energy->NumParameters(), 0.0);
+    const Result run = Minimize(spec(), energy.get(), start, Tolerance(1e-9));
+    EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
+        << run.summary.BriefReport();
+    ExpectSound(*energy, start, run);
+  }
+}
+
+// Ten percent above jamming from a random start, with rattlers on the way, and
+// a packing at jamming that has them.
+TEST_P(Conformance, PackingsWithRattlers) {
+  Packing packing = ReadData("n64_jammed.xyz");
+  packing.ScaleRadii(1.0 + 1e-5);
+  packing.Perturb(1e-6, 3);
+  const auto energy = MakeEnergy(packing, 2.0);
+  if (!Supports(spec(), *energy)) return;
+  const std::vector<double> start(energy->NumParameters(), 0.0);
+  const Result run = Minimize(spec(), energy.get(), start, Tolerance(1e-9));
+  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
+      << run.summary.BriefReport();
+  ExpectSound(*energy, start, run);
+}
+
+TEST_P(Conformance, RandomStart) {
+  // Fletcher & Reeves' rule is known to creep after one short step.
+  if (spec() == "ncg:preconditioner=none,beta=fr") return;
+  const auto energy = MakeEnergy(RandomPacking(2, 64, 0.9, 11), 2.0);
+  if (!Supports(spec(), *energy)) return;
+  const std::vector<double> start(energy->NumParameters(), 0.0);
+  const Result run = Minimize(spec(), energy.get(), start, Tolerance(1e-9));
+  EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
+  ExpectSound(*energy, start, run);
+}
+
+TEST_P(Conformance, NoContactsAtTheStartHasVanished) {
+  Packing packing = ReadData("n64_jammed.xyz");
+  packing.ScaleRadii(0.99);
+  const auto energy = MakeEnergy(packing, 2.0);
+  if (!Supports(spec(), *energy)) return;
+  std::vector<double> start = RandomVector(energy->NumParameters(), 1e-9, 4);
+  const Result run = Minimize(spec(), energy.get(), start);
+  EXPECT_EQ(run.summary.reason, StopReason::VANISHED);
+  EXPECT_EQ(run.summary.message, "cost = 0 exactly after 0 iterations");
+  EXPECT_TRUE(SameBits(run.x, start));
+  EXPECT_EQ(run.summary.counters.evaluations, 1);
+}
+
+// Below jamming the energy goes to zero.
+TEST_P(Conformance, DilutePackingVanishes) {
+  const auto energy = MakeEnergy(RandomPacking(2, 64, 0.5, 5), 2.0);
+  if (!Supports(spec(), *energy)) return;
+  const std::vector<double> start(energy->NumParameters(), 0.0);
+  const Result run = Minimize(spec(), energy.get(), start, Tolerance(1e-10));
+  EXPECT_EQ(run.summary.reason, StopReason::VANISHED)
+      << run.summary.BriefReport();
+  ExpectSound(*energy, start, run);
+}
+
+TEST_P(Conformance, OneGrain) {
+  for (const double radius : {0.3, 0.6}) {
+    Eigen::MatrixXd positions(2, 1);
+    positions << 0.25, 0.5;
+    const Packing packing = MakePacking(Box::Cube(2, 1.0), positions, {radius});
+    const auto energy = MakeEnergy(packing, 2.0);
+    if (!Supports(spec(), *energy)) return;
+    const std::vector<double> start = {0.0, 0.0};
+    const Result run = Minimize(spec(), energy.get(), start);
+    EXPECT_EQ(run.summary.reason,
+              radius == 0.3 ? StopReason::VANISHED : StopReason::CONVERGED)
+        << run.summary.BriefReport();
+    EXPECT_TRUE(SameBits(run.x, start));
+    ExpectSound(*energy, start, run);
+  }
+}
+
+// Two grains in line with their own images: forces cancel exactly where a small
+// step aside would lower the energy.
+TEST_P(Conformance, SaddleIsLeftAlone) {
+  Eigen::MatrixXd positions(2, 2);
+  positions << 0.25, 0.75, 0.5, 0.5;
+  const Packing packing = MakePacking(Box::Cube(2, 1.0), positions, {0.3, 0.3});
+  const auto energy = MakeEnergy(packing, 2.0);
+  if (!Supports(spec(), *energy)) return;
+  const std::vector<double> start(4, 0.0);
+  const Result run = Minimize(spec(), energy.get(), start);
+  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
+      << run.summary.BriefReport();
+  EXPECT_EQ(run.summary.max_gradient, 0.0);
+  EXPECT_GT(run.summary.cost, 0.0);
+  EXPECT_EQ(run.summary.counters.evaluations, 1);
+  EXPECT_TRUE(SameBits(run.x, start));
+  ExpectSound(*energy, start, run);
+}
+
+// Beside it: away it goes.
+TEST_P(Conformance, SaddleIsLeft) {
+  Eigen::MatrixXd positions(2, 2);
+  positions << 0.25, 0.75, 0.5, 0.501;
+  const Packing packing = MakePacking(Box::Cube(2, 1.0), positions, {0.3, 0.3});
+  const auto energy = MakeEnergy(packing, 2.0);
+  if (!Supports(spec(), *energy)) return;
+  const std::vector<double> start(4, 0.0);
+  const Result run = Minimize(spec(), energy.get(), start, Tolerance(1e-10));
+  EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
+  ExpectSound(*energy, start, run);
+  EXPECT_LT(run.summary.cost, 0.5 * run.summary.initial_cost);
+}
+
+// Asked for more than there is, a method ends by itself, soon after it has got
+// all there is.
+TEST_P(Conformance, ToleranceZeroEndsByItself) {
+  Packing packing = ReadData("n64_jammed.xyz");
+  packing.ScaleRadii(1.0 + 1e-4);
+  packing.Perturb(1e-5, 3);
+  const auto energy = MakeEnergy(packing, 2.0);
+  if (!Supports(spec(), *energy)) return;
+  const std::vector<double> start(energy->NumParameters(), 0.0);
+  SolveOptions options;
+  options.relative_tolerance = 0.0;
+  options.max_evaluations = 30000;
+  const Result run = Minimize(spec(), energy.get(), start, options);
+  ExpectSound(*energy, start, run);
+  if (traits().foreign) return;
+  EXPECT_LE(run.summary.max_gradient, 1e-12 * run.summary.scales.gradient)
+      << run.summary.BriefReport();
+  if (run.summary.Succeeded()) return;  // exactly zero
+  EXPECT_EQ(run.summary.reason, StopReason::NO_PROGRESS)
+      << run.summary.BriefReport();
+}
+
+// ---- the last digits --------------------------------------------------------
+
+// Near jamming, to 1e-12 mean forces as quadruple precision sees the packing
+// that was written.
+TEST(Methods, BalanceForcesNearJammingAsTheJudgeSees) {
+  for (const char* spec : {"lbfgs", "fire"}) {
+    SCOPED_TRACE(spec);
+    Packing packing = ReadData("n1024_a2_p1e-08.xyz");
+    packing.Perturb(1e-9 * packing.box.Length(), 1);
+    const auto energy = MakeEnergy(packing, 2.0);
+    const Result run =
+        Minimize(spec,
+                 energy.get(),
+                 std::vector<double>(energy->NumParameters(), 0.0),
+                 Tolerance(5e-13));
+    EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
+        << run.summary.BriefReport();
+    const std::string path =
+        testing::TempDir() + "granopt_conformance_" + spec + ".xyz";
+    std::string error;
+    ASSERT_TRUE(WritePacking(path, energy->Configuration(run.x.data()), &error))
+        << error;
+    Packing back;
+    ASSERT_TRUE(ReadPacking(path, &back, &error)) << error;
+    std::remove(path.c_str());
+    QuadResidual judged;
+    ASSERT_TRUE(EvaluateQuad(back, {}, nullptr, &judged, &error)) << error;
+    EXPECT_LE(judged.Relative(), 1e-12);
+    EXPECT_GT(judged.contacts, 1900);
+  }
+}
+
+}  // namespace
+}  // namespace granopt
