@@ -93,6 +93,28 @@ void Record(const Packing& packing, const Line& line, const char* name) {
   }
 }
 
+// Along a live line, in both forms.
+TEST(LineCurves, AreSearchedFromAnyFirstStep) {
+  Packing near = ReadData("n1024_a2_p1e-08.xyz");
+  near.Perturb(1e-9, 1);
+  const Line line = FindLine(near, 5, 1.0);
+  for (const bool rounded : {false, true}) {
+    const LinePoint start = At(near, line, 0.0, rounded);
+    ASSERT_LT(start.slope, 0.0);
+    for (const double first : {1e-4, 1.0, 1e3}) {
+      const LineSearchResult found = SearchLine(
+          [&](double step, LinePoint* p) {
+            *p = At(near, line, step, rounded);
+            return LineEvaluation::OK;
+          },
+          start,
+          first,
+          {});
+      EXPECT_EQ(found.end, LineSearchEnd::WOLFE) << first;
+    }
+  }
+}
+
 TEST(LineCurves, DISABLED_Record) {
   Packing near = ReadData("n1024_a2_p1e-08.xyz");
   near.Perturb(1e-9, 1);
