@@ -439,6 +439,7 @@ TEST_P(Conformance, UnboundedFunctionEndsByBudget) {
       EXPECT_FALSE(run.summary.Succeeded()) << run.summary.BriefReport();
       ExpectSound(f, start, run);
       EXPECT_LE(run.summary.counters.evaluations, budget);
+      if (traits().foreign) continue;
       EXPECT_LT(run.summary.cost, run.summary.initial_cost);
     }
   }
@@ -615,6 +616,7 @@ TEST_P(Conformance, EvaluationsAreNotExceeded) {
     EXPECT_EQ(run.summary.reason, StopReason::MAX_EVALUATIONS);
     EXPECT_EQ(run.summary.counters.evaluations, budget);
     ExpectSound(chain, start, run);
+    if (traits().foreign) continue;
     EXPECT_EQ(SameBits(run.x, start), budget == 1) << run.summary.BriefReport();
   }
 }
@@ -707,7 +709,7 @@ TEST_P(Conformance, Packings) {
     // 20000 iterations to come back.
     if (spec() == "heavy_ball:preconditioner=hessian" && alpha > 2.0) continue;
     const std::vector<double> start(energy->NumParameters(), 0.0);
-    const Result run = Minimize(spec(), energy.get(), start, Tolerance(1e-9));
+    const Result run = Minimize(spec(), energy.get(), start, Tolerance(traits().tolerance));
     EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
         << run.summary.BriefReport();
     ExpectSound(*energy, start, run);
@@ -723,7 +725,7 @@ TEST_P(Conformance, PackingsWithRattlers) {
   const auto energy = MakeEnergy(packing, 2.0);
   if (!Supports(spec(), *energy)) return;
   const std::vector<double> start(energy->NumParameters(), 0.0);
-  const Result run = Minimize(spec(), energy.get(), start, Tolerance(1e-9));
+  const Result run = Minimize(spec(), energy.get(), start, Tolerance(traits().tolerance));
   EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
       << run.summary.BriefReport();
   ExpectSound(*energy, start, run);
@@ -735,7 +737,7 @@ TEST_P(Conformance, RandomStart) {
   const auto energy = MakeEnergy(RandomPacking(2, 64, 0.9, 11), 2.0);
   if (!Supports(spec(), *energy)) return;
   const std::vector<double> start(energy->NumParameters(), 0.0);
-  const Result run = Minimize(spec(), energy.get(), start, Tolerance(1e-9));
+  const Result run = Minimize(spec(), energy.get(), start, Tolerance(traits().tolerance));
   EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
   ExpectSound(*energy, start, run);
 }

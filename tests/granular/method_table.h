@@ -28,15 +28,17 @@ struct MethodTraits {
   bool foreign = false;
   // A convex quadratic of this condition is minimized in 20000 iterations.
   double condition = 1e6;
+  // The relative residual that it reaches on packings.
+  double tolerance = 1e-9;
 };
 
 inline const MethodTraits kMethodTraits[] = {
     {"ceres_lbfgs", "scaled=1,differences=1,restarts=10", true, 1e3},
     {"ceres_ncg", "scaled=1,differences=1,restarts=10", true, 1e3},
-    {"nlopt_lbfgs", "", true, 1e3},
-    {"liblbfgs", "", true, 1e3},
-    {"tao_lmvm", "", true, 1e3},
-    {"lammps", "", true, 1e3},
+    // Line searches on the cost alone end at the root of its roundoff.
+    {"nlopt_lbfgs", "scaled=1,restarts=10", true, 1e3, 1e-6},
+    {"liblbfgs", "scaled=1,restarts=10", true, 1e3, 1e-6},
+    {"tao_lmvm", "scaled=1,restarts=10", true, 1e3, 1e-6},
     // Follows a differential equation, with tolerances of its own.
     {"gradient_flow", "", true, 1e3},
     // Its momentum is for conditions of about 1 / (1 - beta)^2.
