@@ -21,7 +21,7 @@ PreconditionerChoice::PreconditionerChoice(Parameters* parameters) {
   const std::vector<std::string> known = internal::PreconditionerNames();
   for (const std::string& name : known) names += "|" + name;
   const int chosen =
-      parameters->Choice("preconditioner", "none", names, "see below");
+      parameters->Choice("preconditioner", "none", names, "P of (17), see below");
   if (chosen == 0) return;
   factory_ = internal::FindPreconditioner(known[chosen - 1]);
   // Reads its options, so that they are known and checked.

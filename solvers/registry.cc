@@ -159,8 +159,10 @@ int Parameters::Int(const std::string& key,
   constexpr int kMost = 1000000000;
   const std::string choices = "an integer in [" + std::to_string(minimum) +
                               ", " + std::to_string(kMost) + "]";
-  const std::string* text =
-      Take(key, std::to_string(default_value), choices, help);
+  const std::string* text = Take(key,
+                                 std::to_string(default_value),
+                                 "integer >= " + std::to_string(minimum),
+                                 help);
   if (text == nullptr) return default_value;
   int value = 0;
   const char* end = text->data() + text->size();
@@ -178,10 +180,9 @@ double Parameters::Double(const std::string& key,
                           double minimum,
                           double maximum,
                           const std::string& help) {
-  const std::string choices =
-      "a number in " + Format("[%g, %g]", minimum, maximum);
-  const std::string* text =
-      Take(key, Format("%g", default_value), choices, help);
+  const std::string range = Format("[%g, %g]", minimum, maximum);
+  const std::string choices = "a number in " + range;
+  const std::string* text = Take(key, Format("%g", default_value), range, help);
   if (text == nullptr) return default_value;
   double value = 0.0;
   const char* end = text->data() + text->size();

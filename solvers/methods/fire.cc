@@ -52,11 +52,12 @@ class Fire : public Solver {
  public:
   explicit Fire(Parameters* parameters)
       : preconditioner_(parameters),
-        h_max_(parameters->Double("dt_max",
-                                  0.65,
-                                  1e-6,
-                                  10.0,
-                                  "in units of (stiffness scale)^(-1/2)")),
+        h_max_(parameters->Double(
+            "dt_max",
+            0.65,
+            1e-6,
+            10.0,
+            "largest time step, times the root of the stiffness scale")),
         delay_(parameters->Int(
             "delay", 20, 0, "downhill steps before the time step grows")) {}
 
@@ -203,10 +204,11 @@ class Fire : public Solver {
 
 }  // namespace
 
-REGISTER_SOLVER(fire,
-                Fire,
-                "damped dynamics with an adaptive time step, FIRE 2.0",
-                "Bitzek et al., Phys. Rev. Lett. 97 (2006) 170201; Guenole et "
-                "al., Comput. Mater. Sci. 175 (2020) 109584");
+REGISTER_SOLVER(
+    fire,
+    Fire,
+    "damped dynamics with an adaptive time step, FIRE 2.0 with bounded mixing",
+    "Bitzek et al., Phys. Rev. Lett. 97 (2006) 170201; Guenole et "
+    "al., Comput. Mater. Sci. 175 (2020) 109584");
 
 }  // namespace granopt

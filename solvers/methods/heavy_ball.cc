@@ -32,7 +32,7 @@ class HeavyBall : public Solver {
       : preconditioner_(parameters),
         momentum_(parameters->Double("momentum", 0.99, 0.0, 1.0, "beta")),
         step_(parameters->Double(
-            "step", 0.25, 1e-12, 1e6, "in units of length / gradient scale")) {}
+            "step", 0.25, 1e-12, 1e6, "h, over the stiffness scale")) {}
 
   bool Supports(const FirstOrderFunction& function,
                 std::string* error) const override {
