@@ -436,10 +436,11 @@ std::vector<std::string> Notes(const ComparisonSetup& setup,
                     ": counts differ between repetitions, which they should "
                     "not");
   }
-  int alike = 0;
+  int alike = 0, unjammed = 0;
   for (const auto& [seed, tags] : minima) {
     if (tags.size() == 1 && tags.begin()->first != "-") {
       ++alike;
+      unjammed += tags.begin()->first == "0" ? 1 : 0;
       continue;
     }
     std::string line =
@@ -461,9 +462,10 @@ std::vector<std::string> Notes(const ComparisonSetup& setup,
     notes.push_back(line);
   }
   if (alike > 0 && alike == static_cast<int>(minima.size())) {
-    notes.push_back(minima.size() == 1
-                        ? "all runs end in one minimum"
-                        : "all runs of a seed end in one minimum");
+    notes.push_back(unjammed == alike    ? "all runs end unjammed"
+                    : minima.size() == 1 ? "all runs end in one minimum"
+                                         : "all runs of a seed end in one "
+                                           "minimum");
   }
   return notes;
 }
@@ -783,7 +785,7 @@ std::string RunsCsv(const std::vector<RunRecord>& runs) {
       std::string(kKeyColumns) +
       "position,converged,stop_reason,message,residual,quad_residual,"
       "quad_max_gradient,energy,pressure,phi,rattlers,minimum,distance,"
-      "list_builds," +
+      "list_builds,restarts,recenters,rebases," +
       kWorkColumns + ",seconds\n";
   for (const RunRecord& run : runs) {
     csv += KeyFields(run.key) +
@@ -794,7 +796,9 @@ std::string RunsCsv(const std::vector<RunRecord>& runs) {
            Number(run.pressure) + "," + Number(run.phi) +
            Format(",%d,", run.rattlers) + run.minimum + "," +
            Number(run.distance) + "," + Number(run.list_builds) + "," +
-           WorkFields(run.work) + Format(",%.9g\n", run.seconds);
+           Number(run.restarts) + "," + Number(run.recenters) + "," +
+           Number(run.rebases) + "," + WorkFields(run.work) +
+           Format(",%.9g\n", run.seconds);
   }
   return csv;
 }
@@ -825,6 +829,9 @@ bool ParseRuns(const std::string& text,
     reader.Read("minimum", &run.minimum);
     reader.Read("distance", &run.distance);
     reader.Read("list_builds", &run.list_builds);
+    reader.Read("restarts", &run.restarts);
+    reader.Read("recenters", &run.recenters);
+    reader.Read("rebases", &run.rebases);
     ReadWork(&reader, &run.work);
     reader.Read("seconds", &run.seconds);
     if (!reader.error().empty()) return Fail(reader.error(), error);

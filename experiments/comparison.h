@@ -151,7 +151,7 @@ struct RunRecord {
   int rattlers = 0;
   std::string minimum;    // "A", "B", ...; "0": E = 0; "-": at no minimum
   double distance = 0.0;  // near_jamming: phi - phi_J of the state; else 0
-  std::int64_t list_builds = 0;
+  std::int64_t list_builds = 0, restarts = 0, recenters = 0, rebases = 0;
   Work work;
   double seconds = 0.0;  // wall
 };

@@ -1042,6 +1042,7 @@ def CurvesFigure(arguments):
   styles = MethodStyles(Unique(table["solver"]))
   figure, axes = ComparisonAxes(len(cases))
   seeds = len(np.unique(table["seed"]))
+  any_gone = False
   for row, name in enumerate(cases):
     of_case = case == name
     seed = table["seed"][of_case][0]
@@ -1090,8 +1091,7 @@ def CurvesFigure(arguments):
                   zorder=3)
           ax.plot(x[1:], [10**low], "o", markerfacecolor="white", clip_on=False,
                   markeredgecolor=colour, markeredgewidth=1.8, markersize=8, zorder=5)
-          ax.annotate("$E = 0$", (x[1], 10**low), xytext=(-9, 6), ha="right",
-                      textcoords="offset points", color=INK)
+          any_gone = True
           continue
         failed = any(kind == absolute and value is not None and least > value
                      for kind, value in levels[:1])
@@ -1107,7 +1107,8 @@ def CurvesFigure(arguments):
         loc="left", pad=7)
   FinishPanels(axes)
   figure.align_ylabels(axes[:, 0])
-  axes[0, 1].set_title("bold: least so far; thin: as it comes", loc="right", pad=7,
+  axes[0, 1].set_title("bold: least so far; thin: as it comes" +
+                       ("; open dot: $E = 0$" if any_gone else ""), loc="right", pad=7,
                        fontsize=11, color=GREY)
   MethodLegend(figure, styles)
   return figure
