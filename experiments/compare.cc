@@ -444,6 +444,9 @@ void RunOne(const RunKey& key,
                                                              o.is_rattler);
   run.distance = start.distance;
   run.list_builds = result.list_builds;
+  run.restarts = s.counters.restarts;
+  run.recenters = s.counters.recenters;
+  run.rebases = s.counters.rebases;
   run.work = work;
   run.seconds = s.seconds;
   records->runs.push_back(run);

@@ -328,6 +328,8 @@ std::string Spread(const Quantiles& q, double spent, const Print& print) {
   if (std::isinf(q.median)) {
     return std::isnan(spent) ? "-" : ">" + print(spent);
   }
+  // Of work that no run did, the failed ones did none either.
+  if (q.low == 0.0 && q.median == 0.0 && std::isinf(q.high)) return print(0.0);
   const std::string middle = print(q.median);
   const std::string low = print(q.low), high = print(q.high);
   if (low == middle && high == middle) return middle;
@@ -436,34 +438,40 @@ std::vector<std::string> Notes(const ComparisonSetup& setup,
                     ": counts differ between repetitions, which they should "
                     "not");
   }
-  int alike = 0;
+  // Seeds in which all runs agree are said together.
+  std::map<std::string, std::set<int>> alike;
   for (const auto& [seed, tags] : minima) {
     if (tags.size() == 1 && tags.begin()->first != "-") {
-      ++alike;
+      alike[tags.begin()->first == "0" ? "unjammed (E = 0 or on the way there)"
+                                       : "in one minimum"]
+          .insert(static_cast<int>(seed));
       continue;
     }
     std::string line =
-        Format("seed %llu ends in ", static_cast<unsigned long long>(seed));
+        Format("seed %llu: ", static_cast<unsigned long long>(seed));
     bool first = true;
     for (const auto& [tag, minimum] : tags) {
       std::string labels;
       for (const std::string& label : minimum.second) {
         labels += (labels.empty() ? "" : ", ") + label;
       }
-      line +=
-          (first ? "" : "; ") +
-          (tag == "-"   ? "no minimum"
-           : tag == "0" ? "E = 0"
-                        : Format("%s, E = %.10g", tag.c_str(), minimum.first)) +
-          " (" + labels + ")";
+      line += (first ? "" : "; ") +
+              (tag == "-"   ? "no minimum"
+               : tag == "0" ? "E = 0"
+                            : Format("minimum %s with E = %.10g",
+                                     tag.c_str(),
+                                     minimum.first)) +
+              " (" + labels + ")";
       first = false;
     }
     notes.push_back(line);
   }
-  if (alike > 0 && alike == static_cast<int>(minima.size())) {
-    notes.push_back(minima.size() == 1
-                        ? "all runs end in one minimum"
-                        : "all runs of a seed end in one minimum");
+  for (const auto& [end, seeds] : alike) {
+    notes.push_back((minima.size() == 1
+                         ? std::string("all runs end ")
+                         : (seeds.size() == 1 ? "seed " : "seeds ") +
+                               Numbers(seeds) + ": all runs end ") +
+                    end);
   }
   return notes;
 }
@@ -783,7 +791,7 @@ std::string RunsCsv(const std::vector<RunRecord>& runs) {
       std::string(kKeyColumns) +
       "position,converged,stop_reason,message,residual,quad_residual,"
       "quad_max_gradient,energy,pressure,phi,rattlers,minimum,distance,"
-      "list_builds," +
+      "list_builds,restarts,recenters,rebases," +
       kWorkColumns + ",seconds\n";
   for (const RunRecord& run : runs) {
     csv += KeyFields(run.key) +
@@ -794,7 +802,9 @@ std::string RunsCsv(const std::vector<RunRecord>& runs) {
            Number(run.pressure) + "," + Number(run.phi) +
            Format(",%d,", run.rattlers) + run.minimum + "," +
            Number(run.distance) + "," + Number(run.list_builds) + "," +
-           WorkFields(run.work) + Format(",%.9g\n", run.seconds);
+           Number(run.restarts) + "," + Number(run.recenters) + "," +
+           Number(run.rebases) + "," + WorkFields(run.work) +
+           Format(",%.9g\n", run.seconds);
   }
   return csv;
 }
@@ -825,6 +835,9 @@ bool ParseRuns(const std::string& text,
     reader.Read("minimum", &run.minimum);
     reader.Read("distance", &run.distance);
     reader.Read("list_builds", &run.list_builds);
+    reader.Read("restarts", &run.restarts);
+    reader.Read("recenters", &run.recenters);
+    reader.Read("rebases", &run.rebases);
     ReadWork(&reader, &run.work);
     reader.Read("seconds", &run.seconds);
     if (!reader.error().empty()) return Fail(reader.error(), error);
@@ -1051,6 +1064,7 @@ std::vector<Table> Tabulate(const ComparisonSetup& setup,
         std::vector<double> iterations, evaluations, hessians, factorizations,
             solves, linear_iterations, seconds, ratios, function_shares,
             linear_shares, spent_iterations, spent_evaluations, spent_seconds;
+        std::vector<double> residuals;
         std::vector<std::string> minima, ends;
         for (const std::uint64_t seed : setup.seeds) {
           for (int r = 1; r <= setup.repetitions; ++r) {
@@ -1084,9 +1098,11 @@ std::vector<Table> Tabulate(const ComparisonSetup& setup,
             if (base_work != nullptr && base_work->cpu_seconds > 0.0) {
               ratios.push_back(seconds.back() / base_work->cpu_seconds);
             }
-            row.residual = std::max(
-                row.residual,
-                level.absolute ? run.quad_max_gradient : run.quad_residual);
+            // Relative to forces that fade, a residual says nothing.
+            if (level.absolute || run.minimum != "0") {
+              residuals.push_back(level.absolute ? run.quad_max_gradient
+                                                 : run.quad_residual);
+            }
             minima.push_back(run.minimum);
             ends.push_back(EndOf(run));
             if (c.kind == "near_jamming") distances.push_back(run.distance);
@@ -1105,6 +1121,9 @@ std::vector<Table> Tabulate(const ComparisonSetup& setup,
         row.spent_iterations = Median(spent_iterations);
         row.spent_evaluations = Median(spent_evaluations);
         row.spent_seconds = Median(spent_seconds);
+        row.residual = residuals.empty() ? kNan
+                                         : *std::max_element(residuals.begin(),
+                                                             residuals.end());
         row.minima = Tally(minima);
         row.end = Tally(ends);
         table.rows.push_back(row);
@@ -1262,7 +1281,8 @@ std::string TablesText(const ComparisonSetup& setup,
         }
       }
       if (stop) {
-        cells.push_back(row.runs == 0 ? "-" : Format("%.1e", row.residual));
+        cells.push_back(
+            std::isnan(row.residual) ? "-" : Format("%.1e", row.residual));
         cells.push_back(row.minima);
         cells.push_back(
             row.end +
@@ -1308,11 +1328,13 @@ std::string TablesText(const ComparisonSetup& setup,
                " in the same repetition; counts are exact, times are of this "
                "machine;",
            "residual: the largest at the end of a run, judged in quadruple "
-           "precision; minimum: runs with one letter (and seed)",
+           "precision; minimum: runs of a seed with one letter",
            Format("ended within %g of the energy and %g mean overlaps of each "
-                  "other; 0 means E = 0 (or on the way there), - no minimum.",
+                  "other; 0: E = 0 or on the way there; -: above %s mean",
                   Minima::kEnergyBound,
-                  Minima::kOverlapBound)}) {
+                  Minima::kOverlapBound,
+                  Neat(Minima::kResidualBound).c_str()),
+           "forces, too far from a minimum to say which."}) {
     paragraph(line);
   }
   return text;

@@ -151,7 +151,7 @@ struct RunRecord {
   int rattlers = 0;
   std::string minimum;    // "A", "B", ...; "0": E = 0; "-": at no minimum
   double distance = 0.0;  // near_jamming: phi - phi_J of the state; else 0
-  std::int64_t list_builds = 0;
+  std::int64_t list_builds = 0, restarts = 0, recenters = 0, rebases = 0;
   Work work;
   double seconds = 0.0;  // wall
 };
@@ -223,7 +223,7 @@ class Minima {
   static constexpr double kEnergyBound = 1e-6;
   static constexpr double kOverlapBound = 0.1;
   // A run that ends with more than this, in mean forces, is at no minimum.
-  static constexpr double kResidualBound = 1e-4;
+  static constexpr double kResidualBound = 1e-6;
   // Unless Scales::vanishing is at most this: forces that fade unbalanced.
   static constexpr double kVanishingBound = 1e-9;
 
@@ -280,9 +280,10 @@ struct TableRow {
   double function_share = 0.0, linear_share = 0.0;  // medians
   // Medians of what was spent, reached or not.
   double spent_iterations = 0.0, spent_evaluations = 0.0, spent_seconds = 0.0;
-  double residual = 0.0;  // the largest at the end, of the level's kind
-  std::string minima;     // "A", "A 2, B 1"
-  std::string end;        // "converged", "NO_PROGRESS 1, converged 2"
+  double residual =
+      0.0;  // the largest at the end, of the level's kind; NaN if E = 0
+  std::string minima;  // "A", "A 2, B 1"
+  std::string end;     // "converged", "NO_PROGRESS 1, converged 2"
   const PaperEntry* paper = nullptr;
 };
 

@@ -1042,6 +1042,7 @@ def CurvesFigure(arguments):
   styles = MethodStyles(Unique(table["solver"]))
   figure, axes = ComparisonAxes(len(cases))
   seeds = len(np.unique(table["seed"]))
+  any_gone = False
   for row, name in enumerate(cases):
     of_case = case == name
     seed = table["seed"][of_case][0]
@@ -1090,8 +1091,7 @@ def CurvesFigure(arguments):
                   zorder=3)
           ax.plot(x[1:], [10**low], "o", markerfacecolor="white", clip_on=False,
                   markeredgecolor=colour, markeredgewidth=1.8, markersize=8, zorder=5)
-          ax.annotate("$E = 0$", (x[1], 10**low), xytext=(-9, 6), ha="right",
-                      textcoords="offset points", color=INK)
+          any_gone = True
           continue
         failed = any(kind == absolute and value is not None and least > value
                      for kind, value in levels[:1])
@@ -1107,7 +1107,8 @@ def CurvesFigure(arguments):
         loc="left", pad=7)
   FinishPanels(axes)
   figure.align_ylabels(axes[:, 0])
-  axes[0, 1].set_title("bold: least so far; thin: as it comes", loc="right", pad=7,
+  axes[0, 1].set_title("bold: least so far; thin: as it comes" +
+                       ("; open dot: $E = 0$" if any_gone else ""), loc="right", pad=7,
                        fontsize=11, color=GREY)
   MethodLegend(figure, styles)
   return figure
@@ -1207,12 +1208,14 @@ def WorkFigure(arguments):
 
 def DistancesFigure(arguments):
   """Medians over seeds and repetitions with 20 to 80 % bars. Lines: least squares
-  of the logarithm of the median against that of the distance, all points."""
+  of the logarithm of the median against that of the distance, over the points at
+  which no run ended unjammed; the others are pale."""
   path = arguments.table
   table = ReadTable(path, ("case", "distance", "kind", "level", "solver", "iterations",
                            "iterations_q20", "iterations_q80", "cpu_seconds",
                            "cpu_seconds_q20", "cpu_seconds_q80", "spent_iterations",
-                           "spent_seconds"), words=("case", "kind", "solver"))
+                           "spent_seconds", "end"),
+                    words=("case", "kind", "solver", "end"))
   absolute, level = Levels(arguments)[0]
   chosen = table["distance"] > 0
   chosen &= np.array(table["kind"]) == ("absolute" if absolute else "relative")
@@ -1221,10 +1224,14 @@ def DistancesFigure(arguments):
   if not chosen.any():
     raise InputError("%s: no rows with a distance at that level" % path)
   solver = np.array(table["solver"])
+  unjammed = np.array(["unjammed" in end for end in table["end"]])
   styles = MethodStyles(Unique(solver[chosen]))
+  lines = -(-len(styles) // 3)
+  height = 5.4 + 0.3 * lines
   figure, axes = plt.subplots(
-      1, 2, figsize=(11.0, 5.2),
-      gridspec_kw=dict(left=0.085, right=0.98, top=0.92, bottom=0.135, wspace=0.2))
+      1, 2, figsize=(11.0, height),
+      gridspec_kw=dict(left=0.085, right=0.98, top=1 - (0.5 + 0.31 * lines) / height,
+                       bottom=1.0 / height, wspace=0.2))
   x_low, x_high = Span(table["distance"][chosen])
   for column, ax in enumerate(axes):
     name = ("iterations", "cpu_seconds")[column]
@@ -1234,44 +1241,54 @@ def DistancesFigure(arguments):
     low, high = Span(finite[np.isfinite(finite) & (finite > 0)])
     handles = []
     for k, (method, (colour, dashes, marker)) in enumerate(styles.items()):
-      here = chosen & (solver == method)
+      here = np.nonzero(chosen & (solver == method))[0]
       y = table[name][here]
       # Side by side.
       x = table["distance"][here] * 10**(0.05 * (k - (len(styles) - 1) / 2))
       good = np.isfinite(y) & (y > 0)
       low_bar, high_bar = table[name + "_q20"][here], table[name + "_q80"][here]
       bars = np.abs([y - low_bar, np.minimum(high_bar, 10**(high + 1)) - y])
-      ax.errorbar(x[good], y[good], yerr=bars[:, good], color=colour, linestyle="",
-                  marker=marker, markersize=6.5, capsize=3, linewidth=1.2, zorder=4)
-      # Never got there: open, at what had been spent.
+      for pale in (False, True):
+        some = good & (unjammed[here] == pale)
+        if some.any():
+          ax.errorbar(x[some], y[some], yerr=bars[:, some], color=colour,
+                      linestyle="", marker=marker, markersize=6.5, capsize=3,
+                      linewidth=1.2, zorder=4, alpha=0.4 if pale else 1.0)
+      # Half of the runs never got there: open, at what had been spent.
       ax.plot(x[~good], spent[here][~good], color=colour, linestyle="", marker=marker,
               markersize=8, markerfacecolor="white", zorder=4)
-      if good.sum() < 3:
-        continue
-      u, v = np.log(table["distance"][here][good]), np.log(y[good])
-      slope, offset = np.polyfit(u, v, 1)
-      rest = v - slope * u - offset
-      error = math.sqrt(np.sum(rest**2) / (len(u) - 2) / np.sum((u - u.mean())**2))
-      ends = np.array([u.min(), u.max()])
-      ax.plot(np.exp(ends), np.exp(offset + slope * ends), color=colour,
-              linestyle=dashes, linewidth=1.4, zorder=3)
+      some = good & ~unjammed[here]
+      label = "no fit"
+      if some.sum() > 2:
+        u, v = np.log(table["distance"][here][some]), np.log(y[some])
+        slope, offset = np.polyfit(u, v, 1)
+        rest = v - slope * u - offset
+        error = math.sqrt(np.sum(rest**2) / (len(u) - 2) / np.sum((u - u.mean())**2))
+        ends = np.array([u.min(), u.max()])
+        ax.plot(np.exp(ends), np.exp(offset + slope * ends), color=colour,
+                linestyle=dashes, linewidth=1.4, zorder=3)
+        label = r"$\Delta\phi^{\,%.2f \pm %.2f}$" % (slope, error)
       handles.append(Line2D([], [], color=colour, linestyle=dashes, marker=marker,
-                            markersize=6.5, linewidth=1.4,
-                            label=r"$\Delta\phi^{\,%.2f \pm %.2f}$" % (slope, error)))
+                            markersize=6.5, linewidth=1.4, label=label))
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_xlim(10**x_low, 10**x_high)
-    ax.set_ylim(10**low, 10**(high + 0.035 * len(handles) * (high - low)))
+    ax.set_ylim(10**low, 10**high)
     Decades(ax.xaxis, x_low, x_high)
-    Decades(ax.yaxis, *np.log10(ax.get_ylim()))
+    Decades(ax.yaxis, low, high)
     ax.set_xlabel(r"distance to jamming  $\Delta\phi = \phi - \phi_J$")
     ax.set_ylabel(("iterations", "CPU time / s")[column])
-    if handles:
-      legend = ax.legend(handles=handles, loc="upper right", fontsize=12.5,
-                         title="least squares of logarithms, all points",
-                         handlelength=2.4)
-      legend.get_title().set_fontsize(11)
-      legend.get_title().set_color(GREY)
+    ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0),
+              ncol=min(3, len(handles)), fontsize=12, handlelength=1.7,
+              handletextpad=0.5, columnspacing=1.0, borderaxespad=0.2,
+              labelspacing=0.3)
+  words = "lines: least squares of logarithms of the medians; bars: 20 to 80 % of the runs"
+  if unjammed[chosen].any():
+    words += "; pale, not in the fits: some runs end unjammed"
+  if not np.isfinite(table["iterations"][chosen]).all():
+    words += "; open: half of them fail"
+  figure.text(0.53, 0.18 / height, words, ha="center", va="bottom",
+              color=GREY, fontsize=10.5 if len(words) < 120 else 9.5)
   FinishPanels(axes)
   MethodLegend(figure, styles, markers=True)
   return figure

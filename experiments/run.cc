@@ -165,7 +165,9 @@ void ParseFlags(int* argc, char*** argv, const char* purpose) {
   }
   if (FLAGS_out.empty()) {
     if (IsGiven("out")) BadInput("--out= is empty");
-    FLAGS_out = "out/" + *BinaryName();
+    // As its default, so that IsGiven() stays false.
+    gflags::SetCommandLineOptionWithMode(
+        "out", ("out/" + *BinaryName()).c_str(), gflags::SET_FLAGS_DEFAULT);
   }
 }
 

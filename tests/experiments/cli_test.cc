@@ -454,6 +454,8 @@ TEST_F(Cli, CompareReplotMakesTheSameTables) {
   ASSERT_EQ(Do("compare", "--replot=out --out=again").status, 0);
   EXPECT_EQ(Slurp(folder_ + "/again/tables.md"), md);
   EXPECT_EQ(Slurp(folder_ + "/again/tables.csv"), csv);
+  // In place, unless told otherwise.
+  ASSERT_EQ(std::remove((folder_ + "/out/tables.md").c_str()), 0);
   ASSERT_EQ(Do("compare", "--replot=out/").status, 0);
   EXPECT_EQ(Slurp(folder_ + "/out/tables.md"), md);
   // At another level, against another baseline.

@@ -264,7 +264,8 @@ TEST_F(HandMade, FailuresAreSaid) {
                         "3)"),
               std::string::npos)
         << text;
-    EXPECT_NE(text.find("A, E = 0.1 (L-BFGS); B, E = 0.1 (FR-CG)"),
+    EXPECT_NE(text.find("seed 1: minimum A with E = 0.1 (L-BFGS); minimum B "
+                        "with E = 0.1 (FR-CG)"),
               std::string::npos)
         << text;
   }
