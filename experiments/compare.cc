@@ -33,8 +33,9 @@
 #include "granular/relaxation.h"
 
 DEFINE_string(solvers,
-              "ceres_lbfgs:scaled=1,differences=1,restarts=10;"
-              "ceres_ncg:beta=pr,scaled=1,differences=1,restarts=10",
+              "lbfgs;lbfgs:preconditioner=laplacian;"
+              "lbfgs:preconditioner=contact;ncg;fire;"
+              "ceres_lbfgs:scaled=1,differences=1,restarts=10",
               "methods, separated by semicolons, each as name:key=value,... or "
               "label@name:key=value,... (see --list_solvers)");
 DEFINE_string(
