@@ -1244,10 +1244,12 @@ def DistancesFigure(arguments):
       here = np.nonzero(chosen & (solver == method))[0]
       y = table[name][here]
       # Side by side.
-      x = table["distance"][here] * 10**(0.05 * (k - (len(styles) - 1) / 2))
+      x = table["distance"][here] * 10**(
+          min(0.05, 0.25 / len(styles)) * (k - (len(styles) - 1) / 2))
       good = np.isfinite(y) & (y > 0)
       low_bar, high_bar = table[name + "_q20"][here], table[name + "_q80"][here]
-      bars = np.abs([y - low_bar, np.minimum(high_bar, 10**(high + 1)) - y])
+      with np.errstate(invalid="ignore"):  # infinite where a run never got there
+        bars = np.abs([y - low_bar, np.minimum(high_bar, 10**(high + 1)) - y])
       for pale in (False, True):
         some = good & (unjammed[here] == pale)
         if some.any():

@@ -113,7 +113,7 @@ class Ncg : public LineSearchMethod {
       : LineSearchMethod(parameters, TightLineSearch()),
         beta_(static_cast<Beta>(
             parameters->Choice("beta",
-                               "pr",
+                               "hs",
                                "fr|pr|hs|hz",
                                "Fletcher-Reeves, Polak-Ribiere+, "
                                "Hestenes-Stiefel+ or Hager-Zhang"))) {}
