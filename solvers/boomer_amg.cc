@@ -21,22 +21,38 @@
 namespace granopt {
 namespace {
 
-// hypre cannot be called before MPI_Init(). Started at the first use, alone
-// (without mpirun) and only if the program has not done it.
+// hypre cannot be called before MPI_Init(). Open MPI without mpirun would start
+// a daemon (and end the process if it finds none), catch the program's signals
+// and leave folders in /tmp: none of that is needed by one process alone.
+void StartMpi() {
+  constexpr const char* kAlone[][2] = {
+      {"OMPI_MCA_ess_singleton_isolated", "1"},
+      {"OMPI_MCA_orte_create_session_dirs", "0"},
+      {"OMPI_MCA_btl", "self"},
+      {"OMPI_MCA_opal_signal", ""},
+  };
+  const bool alone = std::getenv("OMPI_COMM_WORLD_SIZE") == nullptr;
+  std::vector<const char*> set;
+  for (const auto& [name, value] : kAlone) {
+    if (!alone || std::getenv(name) != nullptr) continue;
+    setenv(name, value, 0);
+    set.push_back(name);
+  }
+  MPI_Init(nullptr, nullptr);
+  for (const char* name : set) unsetenv(name);
+  std::atexit([] {
+    int finalized = 0;
+    MPI_Finalized(&finalized);
+    if (!finalized) MPI_Finalize();
+  });
+}
+
+// At the first use; the program may have started MPI itself.
 void StartHypre() {
   static const bool started = [] {
     int initialized = 0;
     MPI_Initialized(&initialized);
-    if (!initialized) {
-      // Else Open MPI catches the program's signals, to print them.
-      setenv("OMPI_MCA_opal_signal", "", 0);
-      MPI_Init(nullptr, nullptr);
-      std::atexit([] {
-        int finalized = 0;
-        MPI_Finalized(&finalized);
-        if (!finalized) MPI_Finalize();
-      });
-    }
+    if (!initialized) StartMpi();
     HYPRE_Init();
     return true;
   }();
