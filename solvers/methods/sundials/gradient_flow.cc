@@ -128,6 +128,7 @@ class Flow {
       }
       ++steps;
       ReadState();
+      if (!monitor_->IsCached(x_.data()) && monitor_->BudgetSpent()) return;
       if (!monitor_->EvaluateCached(x_.data(), &cost, &gradient, &scales)) {
         monitor_->FailEvaluation();
         return;
