@@ -366,12 +366,12 @@ void Monitor::Recenter(const double* x) {
   if (function_->Recenter(x)) ++counters_.recenters;
 }
 
-bool Monitor::WantsRebase() const {
+bool Monitor::WantsRebase(double step) const {
   if (!can_rebase_ || !(last_scales_.gradient > 0.0)) return false;
   // Rebasing costs an evaluation.
   if (counters_.evaluations >= options_.max_evaluations) return false;
   const double residual = last_max_gradient_ / last_scales_.gradient;
-  return kEpsilon * last_max_x_ > 0.05 * residual * last_scales_.length;
+  return kEpsilon * last_max_x_ > 0.05 * step * residual * last_scales_.length;
 }
 
 bool Monitor::Rebase(double* x) {

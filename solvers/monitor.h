@@ -54,9 +54,8 @@ class Monitor {
   // Tells the monitor of an accepted iterate (the first call is the start,
   // every further one counts an iteration). Returns true if the run must stop;
   // the reason is then set. A run without a better point for 200 iterations
-  // while max|g| is within the rounding of its terms,
-  //   20 eps Scales::gradient (1 + max|x| / Scales::length),
-  // or for 10000 iterations whatever it is, makes no progress.
+  // while max|g| is within Roundoff(), or for 10000 iterations whatever it is,
+  // makes no progress.
   bool Accept(const double* x,
               double cost,
               const double* gradient,
@@ -94,8 +93,9 @@ class Monitor {
   void Recenter(const double* x);
   // True once the rounding of x itself is about to limit the run: at the last
   // accepted iterate
-  //   eps * max|x| > 0.05 * (max|g| / Scales::gradient) * Scales::length.
-  bool WantsRebase() const;
+  //   eps * max|x| > 0.05 * step * (max|g| / Scales::gradient) * Scales::length
+  // for a method whose steps are `step` times a gradient in these units.
+  bool WantsRebase(double step = 1.0) const;
   // Calls function->Rebase(x), counted; moves the best point along.
   bool Rebase(double* x);
 
@@ -104,6 +104,10 @@ class Monitor {
   // max|g| at the last accepted iterate and the bound that it must reach.
   double max_gradient() const { return last_max_gradient_; }
   double Tolerance(const Scales& scales) const;
+  // 20 rounding errors of the gradient's terms at the last accepted iterate,
+  //   20 eps Scales::gradient (1 + max|x| / Scales::length).
+  // 0 where the function states no scales.
+  double Roundoff() const;
   // Scales::length / Scales::gradient at the last accepted iterate: times a
   // gradient it is a step over which that gradient changes by its own size.
   // Where the function states no scales, cost / |g|^2, the step to a zero of
@@ -115,8 +119,6 @@ class Monitor {
 
  private:
   void Stop(StopReason reason, std::string message);
-  // See Accept(). 0 where the function states no scales.
-  double Roundoff() const;
   double Seconds() const;
   bool IsBetter(double cost, double max_gradient);
 

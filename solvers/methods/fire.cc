@@ -132,12 +132,15 @@ class Fire : public Solver {
       } else {
         downhill = 0;
         // The stiffness met in the last step, in units of kappa: a Rayleigh
-        // quotient of P^-1 H.
+        // quotient of P^-1 H, which roundoff only increases.
         const VectorXd dg = g - g_before;
         const double bend = last_h * dg.dot(v);
         const double met =
             bend > 0.0 ? dg.dot(z - z_before) / bend * unit : 0.0;
-        if (h_max * h_max * met > 4.0) h_max *= 0.8;
+        if (h_max * h_max * met > 4.0 &&
+            monitor.max_gradient() > 100.0 * monitor.Roundoff()) {
+          h_max *= 0.8;
+        }
         h = std::max(kDecrease * h, kLeastStep * h_max);
         mixing = kMixing;
         x -= 0.5 * h * v;
@@ -183,8 +186,11 @@ class Fire : public Solver {
       if (monitor.Accept(x.data(), cost, g.data(), scales)) break;
       if (preconditioner != nullptr) {
         step = h * v;
-        preconditioner->Update(
-            {x.data(), cost, g.data(), scales}, step.data(), &monitor);
+        // Differences of z are by one P.
+        if (preconditioner->Update(
+                {x.data(), cost, g.data(), scales}, step.data(), &monitor)) {
+          preconditioner->Solve(g_before.data(), z_before_own.data(), &monitor);
+        }
       }
       monitor.Recenter(x.data());
       if (monitor.WantsRebase() && monitor.Rebase(x.data()) &&

@@ -8,9 +8,9 @@
 //
 // Deviations: Polyak's optimal h and beta need the extreme eigenvalues of the
 // Hessian; here the momentum is an option and the restart (O'Donoghue, Candes,
-// Found. Comput. Math. 15 (2015) 715) makes up for a wrong one. h is lowered
-// for good where the last step met a stiffness beyond stability, h lambda > 2,
-// or a point where the function is not finite, which is taken back.
+// Found. Comput. Math. 15 (2015) 715) makes up for a wrong one. A step
+// that met a stiffness beyond stability, h lambda > 2, or led where the
+// function is not finite is taken back, and h lowered for good.
 
 #include <algorithm>
 #include <cmath>
@@ -54,8 +54,8 @@ class HeavyBall : public Solver {
     VectorXd x = Eigen::Map<const VectorXd>(x_out, n);
     VectorXd x_new(n), g(n), z(n), move = VectorXd::Zero(n);
     VectorXd g_before = VectorXd::Zero(n), z_before = g_before;
-    double cost;
-    Scales scales;
+    double cost, cost_before = 0.0;
+    Scales scales, scales_before;
     double shrink = 1.0;
     if (!monitor.Evaluate(x.data(), &cost, g.data(), &scales)) {
       monitor.FailEvaluation();
@@ -68,21 +68,37 @@ class HeavyBall : public Solver {
     while (!monitor.BudgetSpent()) {
       double h = shrink * step_;
       if (preconditioner != nullptr) {
-        preconditioner->Update({x.data(), cost, g.data(), scales},
-                               is_start ? nullptr : move.data(),
-                               &monitor);
+        const bool is_new =
+            preconditioner->Update({x.data(), cost, g.data(), scales},
+                                   is_start ? nullptr : move.data(),
+                                   &monitor);
         if (monitor.BudgetSpent()) break;
         preconditioner->Solve(g.data(), z.data(), &monitor);
+        // Differences of z are by one P.
+        if (is_new && !is_start) {
+          preconditioner->Solve(g_before.data(), z_before.data(), &monitor);
+        }
       } else {
         z = g;
         h *= monitor.StepUnit();
       }
       if (g.dot(move) > 0.0 && !is_start) {
-        // A Rayleigh quotient of P^-1 H.
+        // A Rayleigh quotient of P^-1 H, which roundoff only increases.
         const VectorXd dg = g - g_before;
         const double bend = dg.dot(move);
-        if (bend > 0.0 && h * dg.dot(z - z_before) > 2.0 * bend) shrink *= 0.7;
+        const bool unstable =
+            bend > 0.0 && monitor.max_gradient() > 100.0 * monitor.Roundoff() &&
+            h * dg.dot(z - z_before) > 2.0 * bend;
+        if (unstable) {
+          shrink *= 0.7;
+          x -= move;
+          g = g_before;
+          cost = cost_before;
+          scales = scales_before;
+        }
         move.setZero();
+        is_start = unstable;
+        if (unstable) continue;
       }
       is_start = false;
       g_before = g;
@@ -103,11 +119,14 @@ class HeavyBall : public Solver {
       }
       move = x_new - x;
       x.swap(x_new);
+      cost_before = cost;
+      scales_before = scales;
       cost = new_cost;
       scales = new_scales;
       if (monitor.Accept(x.data(), cost, g.data(), scales)) break;
       monitor.Recenter(x.data());
-      if (monitor.WantsRebase() && monitor.Rebase(x.data()) &&
+      if (monitor.WantsRebase(std::min(1.0, shrink * step_)) &&
+          monitor.Rebase(x.data()) &&
           !monitor.Evaluate(x.data(), &cost, g.data(), &scales)) {
         monitor.FailEvaluation();
         break;
