@@ -13,9 +13,9 @@
 //
 // How small rtol must be depends on how near the start is to the border of a
 // basin. Of 40 starts far from any minimum, with 256 variables and forces whose
-// derivatives jump, all ended in the same minimum for 1e-7 as for 1e-8; 39 did
-// for 1e-6, 36 for 1e-5, 34 for 1e-4, 16 for 1e-3. Each power of ten costs a
-// factor of 1.7 to 2 in evaluations.
+// derivatives jump, 39 ended in the same minimum for 1e-6 as for 1e-8, 36 for
+// 1e-5, 34 for 1e-4, 19 for 1e-3. Each power of ten costs a factor of about 2
+// in evaluations.
 //
 // A SecondOrderFunction provides H v, and (H + 1 / gamma)^-1 as preconditioner
 // of GMRES; where that matrix is not positive definite, the step is made
