@@ -35,7 +35,7 @@ DEFINE_bool(list_solvers,
 
 namespace granopt {
 
-const char kDefaultSolver[] = "ceres_lbfgs:scaled=1,differences=1,restarts=10";
+const char kDefaultSolver[] = "lbfgs";
 
 void ListSolversIfAsked() {
   if (!FLAGS_list_solvers) return;
