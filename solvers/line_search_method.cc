@@ -22,11 +22,6 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
                                    double* x_out) const {
   using Eigen::VectorXd;
   Monitor monitor(function, options, name());
-  std::string why;
-  if (!Supports(*function, &why)) {
-    monitor.Refuse(why);
-    return monitor.Finish(x_out);
-  }
   const int n = monitor.n();
   const std::unique_ptr<Preconditioner> preconditioner = preconditioner_.Make();
   const bool preconditioned = preconditioner != nullptr;
@@ -37,11 +32,7 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
   VectorXd z_own(preconditioned ? n : 0), z_new_own(preconditioned ? n : 0);
   double cost = 0.0;
   Scales scales;
-  if (!monitor.Evaluate(x.data(), &cost, g.data(), &scales)) {
-    monitor.FailEvaluation();
-    return monitor.Finish(x_out);
-  }
-  if (monitor.Accept(x.data(), cost, g.data(), scales)) {
+  if (!monitor.Begin(*this, x.data(), &cost, g.data(), &scales)) {
     return monitor.Finish(x_out);
   }
   monitor.Recenter(x.data());

@@ -134,6 +134,23 @@ double Monitor::Tolerance(const Scales& scales) const {
              : options_.relative_tolerance * scales.gradient;
 }
 
+bool Monitor::Begin(const Solver& solver,
+                    const double* x,
+                    double* cost,
+                    double* gradient,
+                    Scales* scales) {
+  std::string why;
+  if (!solver.Supports(*function_, &why)) {
+    Refuse(why);
+    return false;
+  }
+  if (!Evaluate(x, cost, gradient, scales)) {
+    FailEvaluation();
+    return false;
+  }
+  return !Accept(x, *cost, gradient, *scales);
+}
+
 bool Monitor::Evaluate(const double* x,
                        double* cost,
                        double* gradient,

@@ -33,6 +33,14 @@ class Monitor {
   const SolveOptions& options() const { return options_; }
   Counters& counters() { return counters_; }
 
+  // How a run starts: refuses a function that `solver` does not support, else
+  // evaluates and accepts x. False if the run is over already.
+  bool Begin(const Solver& solver,
+             const double* x,
+             double* cost,
+             double* gradient,
+             Scales* scales);
+
   // One counted evaluation. `gradient` and `scales` may be null. Returns false,
   // and remembers the offending entry, if x, the cost or the gradient is not
   // finite. The last point evaluated with a gradient is cached.

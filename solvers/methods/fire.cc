@@ -71,11 +71,6 @@ class Fire : public Solver {
                    const SolveOptions& options,
                    double* x_out) const override {
     Monitor monitor(function, options, name());
-    std::string why;
-    if (!Supports(*function, &why)) {
-      monitor.Refuse(why);
-      return monitor.Finish(x_out);
-    }
     const int n = monitor.n();
     const std::unique_ptr<Preconditioner> preconditioner =
         preconditioner_.Make();
@@ -85,11 +80,7 @@ class Fire : public Solver {
     VectorXd z_own(own), z_before_own(own), step(own);
     double cost;
     Scales scales;
-    if (!monitor.Evaluate(x.data(), &cost, g.data(), &scales)) {
-      monitor.FailEvaluation();
-      return monitor.Finish(x_out);
-    }
-    if (monitor.Accept(x.data(), cost, g.data(), scales)) {
+    if (!monitor.Begin(*this, x.data(), &cost, g.data(), &scales)) {
       return monitor.Finish(x_out);
     }
     if (preconditioner != nullptr) {

@@ -43,11 +43,6 @@ class HeavyBall : public Solver {
                    const SolveOptions& options,
                    double* x_out) const override {
     Monitor monitor(function, options, name());
-    std::string why;
-    if (!Supports(*function, &why)) {
-      monitor.Refuse(why);
-      return monitor.Finish(x_out);
-    }
     const int n = monitor.n();
     const std::unique_ptr<Preconditioner> preconditioner =
         preconditioner_.Make();
@@ -57,11 +52,7 @@ class HeavyBall : public Solver {
     double cost, cost_before = 0.0;
     Scales scales, scales_before;
     double shrink = 1.0;
-    if (!monitor.Evaluate(x.data(), &cost, g.data(), &scales)) {
-      monitor.FailEvaluation();
-      return monitor.Finish(x_out);
-    }
-    if (monitor.Accept(x.data(), cost, g.data(), scales)) {
+    if (!monitor.Begin(*this, x.data(), &cost, g.data(), &scales)) {
       return monitor.Finish(x_out);
     }
     bool is_start = true;
