@@ -12,6 +12,10 @@ namespace granopt {
 namespace {
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+// Entries of a gradient are off by this part of its scale at most where the
+// function is evaluated with care; what has converged shall have so for a judge
+// of more digits, too.
+constexpr double kGradientRoundoff = 16.0 * kEpsilon;
 
 // A run has got all there is when it has found no better point in so many
 // iterations, and the gradient is so many rounding errors of its terms ...
@@ -263,6 +267,10 @@ bool Monitor::Accept(const double* x,
 
   const auto iterations = static_cast<long long>(counters_.iterations);
   const double tolerance = Tolerance(scales);
+  const double margin = options_.absolute_tolerance > 0.0
+                            ? 0.0
+                            : std::min(kGradientRoundoff * scales.gradient,
+                                       0.1 * tolerance);
   if (cost == 0.0 && max_gradient == 0.0) {
     Stop(StopReason::VANISHED,
          Format("cost = 0 exactly after %lld iterations", iterations));
@@ -272,7 +280,7 @@ bool Monitor::Accept(const double* x,
                 scales.vanishing,
                 options_.vanishing_tolerance,
                 iterations));
-  } else if (max_gradient <= tolerance) {
+  } else if (max_gradient <= tolerance - margin) {
     Stop(StopReason::CONVERGED,
          Format("|g| = %.2e <= %.2e after %lld iterations",
                 max_gradient,
