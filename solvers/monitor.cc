@@ -267,10 +267,10 @@ bool Monitor::Accept(const double* x,
 
   const auto iterations = static_cast<long long>(counters_.iterations);
   const double tolerance = Tolerance(scales);
-  const double margin = options_.absolute_tolerance > 0.0
-                            ? 0.0
-                            : std::min(kGradientRoundoff * scales.gradient,
-                                       0.1 * tolerance);
+  const double margin =
+      options_.absolute_tolerance > 0.0
+          ? 0.0
+          : std::min(kGradientRoundoff * scales.gradient, 0.1 * tolerance);
   if (cost == 0.0 && max_gradient == 0.0) {
     Stop(StopReason::VANISHED,
          Format("cost = 0 exactly after %lld iterations", iterations));
