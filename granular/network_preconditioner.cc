@@ -93,9 +93,8 @@ class Laplacian : public NetworkPreconditioner {
       }
     }
     double cost;
-    const bool measured =
-        !monitor->BudgetSpent() &&
-        monitor->Evaluate(x.data(), &cost, g.data(), nullptr);
+    const bool measured = !monitor->BudgetSpent() &&
+                          monitor->Evaluate(x.data(), &cost, g.data(), nullptr);
     const Monitor::LinearTimer timer(monitor);
     double mu = 0.0;
     if (measured) {

@@ -20,8 +20,8 @@ PreconditionerChoice::PreconditionerChoice(Parameters* parameters) {
   std::string names = "none";
   const std::vector<std::string> known = internal::PreconditionerNames();
   for (const std::string& name : known) names += "|" + name;
-  const int chosen =
-      parameters->Choice("preconditioner", "none", names, "P of (17), see below");
+  const int chosen = parameters->Choice(
+      "preconditioner", "none", names, "P of (17), see below");
   if (chosen == 0) return;
   factory_ = internal::FindPreconditioner(known[chosen - 1]);
   // Reads its options, so that they are known and checked.

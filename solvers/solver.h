@@ -76,9 +76,8 @@ struct TraceRow {
 struct SolveOptions {
   // A run has converged when
   //   max|g| <= relative_tolerance * Scales::gradient
-  // less 16 eps Scales::gradient for the roundoff of g (or a tenth of the bound,
-  // if that is less),
-  // or, if absolute_tolerance > 0, when
+  // less 16 eps Scales::gradient for the roundoff of g (or a tenth of the
+  // bound, if that is less), or, if absolute_tolerance > 0, when
   //   max|g| <= absolute_tolerance
   // (which then replaces the relative test; in the units of the function).
   double relative_tolerance = 1e-10;

@@ -88,7 +88,6 @@ class BlockJacobi : public Preconditioner {
   }
 
  private:
-
   using Block = Eigen::MatrixXd;
 
   void Apply(const std::vector<Block>& matrices,

@@ -722,7 +722,8 @@ TEST_P(Conformance, Packings) {
     // 20000 iterations to come back.
     if (spec() == "heavy_ball:preconditioner=hessian" && alpha > 2.0) continue;
     const std::vector<double> start(energy->NumParameters(), 0.0);
-    const Result run = Minimize(spec(), energy.get(), start, Tolerance(traits().tolerance));
+    const Result run =
+        Minimize(spec(), energy.get(), start, Tolerance(traits().tolerance));
     EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
         << run.summary.BriefReport();
     ExpectSound(*energy, start, run);
@@ -738,7 +739,8 @@ TEST_P(Conformance, PackingsWithRattlers) {
   const auto energy = MakeEnergy(packing, 2.0);
   if (!Supports(spec(), *energy)) return;
   const std::vector<double> start(energy->NumParameters(), 0.0);
-  const Result run = Minimize(spec(), energy.get(), start, Tolerance(traits().tolerance));
+  const Result run =
+      Minimize(spec(), energy.get(), start, Tolerance(traits().tolerance));
   EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
       << run.summary.BriefReport();
   ExpectSound(*energy, start, run);
@@ -770,7 +772,8 @@ TEST_P(Conformance, RandomStart) {
   const auto energy = MakeEnergy(RandomPacking(2, 64, 0.9, 11), 2.0);
   if (!Supports(spec(), *energy)) return;
   const std::vector<double> start(energy->NumParameters(), 0.0);
-  const Result run = Minimize(spec(), energy.get(), start, Tolerance(traits().tolerance));
+  const Result run =
+      Minimize(spec(), energy.get(), start, Tolerance(traits().tolerance));
   EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
   ExpectSound(*energy, start, run);
 }
