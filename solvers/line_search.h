@@ -58,7 +58,7 @@ double LineChange(const LinePoint& start, const LinePoint& p);
 // an interval whose lower end has sufficient decrease and a slope too negative,
 // and whose upper end lacks decrease, slopes up or is not finite; it holds a
 // Wolfe point inside. Trials come from zeros of the slope (secants), which for
-// the piecewise quadratic of a sum of harmonic contacts is exact between
+// the piecewise quadratic of a sum of one-sided springs is exact between
 // kinks; the interval at least halves every second trial. All constants are
 // pure numbers: phi in other units takes bitwise the same trials.
 LineSearchResult SearchLine(const LineFunction& evaluate,

@@ -8,16 +8,16 @@
 //   v = (1 - a) (v - h z / kappa) - b z / kappa,   x = x + h v,
 //   b = a kappa |v - h z / kappa| / |z|   (norms in P), but see below.
 // h_max = 0.65 is stable up to an eigenvalue 4 / h_max^2 = 9.5 kappa of the
-// Hessian, a little more than the largest of a packing.
+// Hessian, a little more than that of a network of equal springs in the plane.
 //
 // Deviations from Guenole et al.: h_max follows from the function's own
 // stiffness; where that changes along the way (alpha > 2) so does kappa. b is
 // bounded. Where v is in slow modes, |v| / |z| is large and the mixing alone is
 // a steepest descent with a step far beyond the limit of stability: fast modes
-// are excited again and again and the run ends in a cycle: of three loads of
-// 4096 discs that take 1300 to 1700 steps with the bound, the published form
-// took more than 20000 in three at delay = 5, in two at delay = 50, in one at
-// h_max = 0.75. As a two-term recursion a step reads
+// are excited again and again and the run ends in a cycle: of three problems of
+// 8192 variables that take 1300 to 1700 steps with the bound, the published
+// form (mixing=published) took more than 20000 in three at delay = 5, in two at
+// delay = 50. As a two-term recursion a step reads
 //   x + (1 - a) (x - x_before) - h (h + b) z / kappa,
 // which is stable for h (h + b) lambda < 2 (2 - a) kappa; b obeys that for
 // lambda = 7 kappa. If g.v >= 0 and the last step met a stiffness above
@@ -26,6 +26,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 
 #include "Eigen/Core"
@@ -60,7 +61,12 @@ class Fire : public Solver {
             10.0,
             "largest time step, times the root of the stiffness scale")),
         delay_(parameters->Int(
-            "delay", 20, 0, "downhill steps before the time step grows")) {}
+            "delay", 20, 0, "downhill steps before the time step grows")),
+        is_bounded_(parameters->Choice("mixing",
+                                       "bounded",
+                                       "bounded|published",
+                                       "of velocity and force: kept stable, or "
+                                       "as in FIRE 2.0") == 0) {}
 
   bool Supports(const FirstOrderFunction& function,
                 std::string* error) const override {
@@ -147,7 +153,8 @@ class Fire : public Solver {
       const double b =
           std::clamp(gz > 0.0 ? mixing * std::sqrt(vv / gz) / unit : 0.0,
                      0.0,
-                     std::max(0.0, most));
+                     is_bounded_ ? std::max(0.0, most)
+                                 : std::numeric_limits<double>::infinity());
       const double keep = 1.0 - mixing;
       const double push = (keep * h + b) * unit;
       g_before = g;
@@ -198,6 +205,7 @@ class Fire : public Solver {
   const PreconditionerChoice preconditioner_;
   const double h_max_;
   const int delay_;
+  const bool is_bounded_;
 };
 
 }  // namespace

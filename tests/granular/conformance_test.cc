@@ -718,9 +718,6 @@ TEST_P(Conformance, Packings) {
     packing.Deform(SimpleShear(2, 1e-4));
     const auto energy = MakeEnergy(packing, alpha);
     if (!Supports(spec(), *energy)) return;
-    // A momentum this large throws it out of the valley, and it takes more than
-    // 20000 iterations to come back.
-    if (spec() == "heavy_ball:preconditioner=hessian" && alpha > 2.0) continue;
     const std::vector<double> start(energy->NumParameters(), 0.0);
     const Result run =
         Minimize(spec(), energy.get(), start, Tolerance(traits().tolerance));

@@ -92,7 +92,7 @@ TEST(Readme, ListsTheMethodsAsTheyArePrinted) {
   const std::string readme = Readme();
   ASSERT_FALSE(readme.empty());
   if (readme.find("\n    lbfgs\n") == std::string::npos) {
-    GTEST_SKIP() << "the README has no list of these methods yet";
+    FAIL() << "the README has no list of methods";
   }
   std::set<std::string> known;
   for (const Block& block : Blocks(SolverTable(), 0)) {
