@@ -282,13 +282,16 @@ bool ContactEnergy::HessianTimes(const double* u,
   return true;
 }
 
-void ContactEnergy::UpdatePattern() const {
+void ContactEnergy::UpdateStates() const {
+  states_.resize(list_.num_pairs());
+  kernel_->States(View(), workspace_.data(), states_.data());
+}
+
+void ContactEnergy::UpdatePattern(const double* first) const {
   const int d = dimension_;
-  std::vector<PairState> states(list_.num_pairs());
-  kernel_->States(View(), workspace_.data(), states.data());
   bool is_kept = pattern_list_version_ == list_version_;
   for (int p = 0; p < list_.num_pairs() && is_kept; ++p) {
-    is_kept = block_rank_[p] >= 0 || !(states[p].delta > 0.0);
+    is_kept = block_rank_[p] >= 0 || first[p] == 0.0;
   }
   if (is_kept) return;
   pattern_list_version_ = list_version_;
@@ -303,7 +306,11 @@ void ContactEnergy::UpdatePattern() const {
     int blocks = 0;
     int previous = i;
     for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
-      if (!(states[p].delta > -margin) || list_.j[p] == i) continue;
+      if (list_.j[p] == i) {
+        block_rank_[p] = 0;  // never needed: an image moves with its grain
+        continue;
+      }
+      if (!(states_[p].delta > -margin) && first[p] == 0.0) continue;
       if (list_.j[p] != previous) ++blocks;
       previous = list_.j[p];
       block_rank_[p] = blocks - 1;
@@ -315,11 +322,10 @@ void ContactEnergy::UpdatePattern() const {
   }
 }
 
-bool ContactEnergy::EvaluateStiffness(const double* u,
-                                      double prestress,
-                                      SparseMatrix* hessian) const {
-  if (!Prepare(u)) return false;
-  UpdatePattern();
+void ContactEnergy::WriteBlocks(const double* first,
+                                const double* second,
+                                SparseMatrix* hessian) const {
+  UpdatePattern(first);
   const int d = dimension_;
   const int n = NumParameters();
   hessian->resize(n, n);
@@ -333,48 +339,88 @@ bool ContactEnergy::EvaluateStiffness(const double* u,
       for (int r = c; r < d; ++r) *row++ = d * i + r;
       int previous = -1;
       for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
-        if (block_rank_[p] == previous || block_rank_[p] < 0) continue;
+        if (block_rank_[p] == previous || block_rank_[p] < 0 ||
+            list_.j[p] == i) {
+          continue;
+        }
         previous = block_rank_[p];
         for (int r = 0; r < d; ++r) *row++ = d * list_.j[p] + r;
       }
     }
   }
   std::fill(hessian->valuePtr(), hessian->valuePtr() + column_start_[n], 0.0);
-  kernel_->AddHessian(View(),
-                      workspace_.data(),
-                      prestress,
-                      block_rank_.data(),
-                      column_start_.data(),
-                      hessian->valuePtr());
+  kernel_->AddBlocks(View(),
+                     states_.data(),
+                     first,
+                     second,
+                     block_rank_.data(),
+                     column_start_.data(),
+                     hessian->valuePtr());
+}
+
+bool ContactEnergy::EvaluateStiffness(const double* u,
+                                      double theta,
+                                      SparseMatrix* hessian) const {
+  if (!Prepare(u)) return false;
+  UpdateStates();
+  const int m = list_.num_pairs();
+  first_.resize(m);
+  second_.resize(m);
+  for (int p = 0; p < m; ++p) {
+    first_[p] = states_[p].stiffness;
+    second_[p] = theta * states_[p].force;
+  }
+  WriteBlocks(first_.data(), second_.data(), hessian);
+  return true;
+}
+
+bool ContactEnergy::EvaluateWeightedHessian(const double* u,
+                                            const double* first,
+                                            const double* second,
+                                            SparseMatrix* hessian) const {
+  const std::int64_t version = list_version_;
+  if (!Prepare(u) || version != list_version_) return false;
+  UpdateStates();
+  WriteBlocks(first, second, hessian);
   return true;
 }
 
 bool ContactEnergy::EvaluateGaps(const double* u, Gaps* gaps) const {
   if (!Prepare(u)) return false;
+  UpdateStates();
   const int d = dimension_;
   const int m = list_.num_pairs();
-  std::vector<PairState> states(m);
-  kernel_->States(View(), workspace_.data(), states.data());
   gaps->ids.resize(m);
   gaps->delta.resize(m);
   gaps->stiffness.resize(m);
-  gaps->jacobian.resize(m, NumParameters());
-  std::vector<Eigen::Triplet<double>> entries;
-  entries.reserve(static_cast<std::size_t>(m) * 2 * d);
+  auto& jacobian = gaps->jacobian;
+  jacobian.resize(m, NumParameters());
+  jacobian.resizeNonZeros(static_cast<Eigen::Index>(m) * 2 * d);
+  int* row_end = jacobian.outerIndexPtr();
+  int* column = jacobian.innerIndexPtr();
+  double* value = jacobian.valuePtr();
+  *row_end = 0;
   for (int i = 0; i < num_grains_; ++i) {
     for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
       const int j = list_.j[p];
       gaps->ids[p] = {i, j, list_.image[p]};
-      gaps->delta[p] = states[p].delta;
+      gaps->delta[p] = states_[p].delta;
       gaps->stiffness[p] = pair_stiffness_.empty() ? 1.0 : pair_stiffness_[p];
-      if (i == j) continue;
+      *(row_end + 1) = *row_end;
+      ++row_end;
+      if (i == j) continue;  // an image moves with its grain
+      *row_end += 2 * d;
       for (int k = 0; k < d; ++k) {
-        entries.emplace_back(p, d * i + k, -states[p].normal[k]);
-        entries.emplace_back(p, d * j + k, states[p].normal[k]);
+        *column++ = d * i + k;
+        *value++ = -states_[p].normal[k];
+      }
+      for (int k = 0; k < d; ++k) {
+        *column++ = d * j + k;
+        *value++ = states_[p].normal[k];
       }
     }
   }
-  gaps->jacobian.setFromTriplets(entries.begin(), entries.end());
+  jacobian.resizeNonZeros(*row_end);
   return true;
 }
 
@@ -391,11 +437,10 @@ Packing ContactEnergy::Configuration(const double* u) const {
 std::vector<Contact> ContactEnergy::Contacts(const double* u) const {
   std::vector<Contact> contacts;
   if (!Prepare(u)) return contacts;
-  std::vector<PairState> states(list_.num_pairs());
-  kernel_->States(View(), workspace_.data(), states.data());
+  UpdateStates();
   for (int i = 0; i < num_grains_; ++i) {
     for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
-      const PairState& state = states[p];
+      const PairState& state = states_[p];
       if (!(state.delta > 0.0)) continue;
       Contact contact;
       contact.id = {i, list_.j[p], list_.image[p]};

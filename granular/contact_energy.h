@@ -78,19 +78,22 @@ class ContactEnergy : public UnilateralFunction {
   bool EvaluateHessian(const double* u, SparseMatrix* hessian) const override {
     return EvaluateStiffness(u, 1.0, hessian);
   }
-  // The Hessian with its second part, the pre-stress of (9), times `prestress`:
-  // 0 leaves the stiffness of the contacts, which is positive semidefinite.
-  bool EvaluateStiffness(const double* u,
-                         double prestress,
-                         SparseMatrix* hessian) const;
   std::int64_t PatternVersion() const override { return pattern_version_; }
   int BlockSize() const override { return dimension_; }
   bool HessianTimes(const double* u,
                     const double* v,
                     double* hv) const override;
 
-  // UnilateralFunction.
+  // UnilateralFunction. The second part of the Hessian is the pre-stress of
+  // (9).
   double Exponent() const override { return options_.alpha; }
+  bool EvaluateStiffness(const double* u,
+                         double theta,
+                         SparseMatrix* hessian) const override;
+  bool EvaluateWeightedHessian(const double* u,
+                               const double* first,
+                               const double* second,
+                               SparseMatrix* hessian) const override;
   bool EvaluateGaps(const double* u, Gaps* gaps) const override;
 
   // The packing at displacement u, not wrapped, positions rounded to
@@ -113,8 +116,13 @@ class ContactEnergy : public UnilateralFunction {
   bool Prepare(const double* u) const;
   bool BuildList(const double* u, std::string* error) const;
   void SetReferencePairs() const;
-  // Makes the Hessian's pattern anew if a pair outside of it touches.
-  void UpdatePattern() const;
+  // states_ of all pairs at workspace_.
+  void UpdateStates() const;
+  // Makes the Hessian's pattern anew if a pair outside of it has a weight.
+  void UpdatePattern(const double* first) const;
+  void WriteBlocks(const double* first,
+                   const double* second,
+                   SparseMatrix* hessian) const;
   PairView View() const;
   double PairStiffness(int i, int j) const;
 
@@ -137,6 +145,8 @@ class ContactEnergy : public UnilateralFunction {
   mutable std::vector<ReferencePair> reference_pairs_;
   mutable std::vector<double> pair_force_;
   mutable std::vector<double> pair_stiffness_;  // empty: all 1
+  mutable std::vector<PairState> states_;
+  mutable std::vector<double> first_, second_;  // weights of the Hessian
   // The pattern of the Hessian: the place of a pair's block below the diagonal
   // of its column, -1 if it has none, and the start of each column.
   mutable std::int64_t pattern_version_ = 0;

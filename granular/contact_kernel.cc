@@ -36,20 +36,21 @@ class Kernel final : public ContactKernel {
     }
   }
 
-  void AddHessian(const PairView& pairs,
-                  const double* w,
-                  double prestress,
-                  const int* rank,
-                  const int* column_start,
-                  double* values) const override {
+  void AddBlocks(const PairView& pairs,
+                 const PairState* states,
+                 const double* first,
+                 const double* second,
+                 const int* rank,
+                 const int* column_start,
+                 double* values) const override {
     for (int i = 0; i < pairs.num_grains; ++i) {
       for (int p = pairs.row_start[i]; p < pairs.row_start[i + 1]; ++p) {
         const int j = pairs.j[p];
         if (j == i) continue;  // an image moves with its grain
-        const PairState state = State(pairs, w, i, p);
-        if (!(state.delta > 0.0) || state.distance == 0.0) continue;
-        const double tangential = prestress * (state.force / state.distance);
-        const double normal = state.stiffness + tangential;
+        const PairState& state = states[p];
+        if (rank[p] < 0 || state.distance == 0.0) continue;
+        const double tangential = second[p] / state.distance;
+        const double normal = first[p] + tangential;
         for (int c = 0; c < D; ++c) {
           double* diagonal_i = values + column_start[D * i + c];
           double* diagonal_j = values + column_start[D * j + c];

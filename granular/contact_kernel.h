@@ -69,19 +69,20 @@ class ContactKernel {
                       const double* w,
                       PairState* states) const = 0;
 
-  // Adds, for each pair, the d x d block (9), for prestress = 1,
-  //   K = f' n (x) n - prestress (f / l) (1 - n (x) n)
+  // Adds, for each pair p with rank[p] >= 0, the d x d block
+  //   K = first[p] n (x) n - (second[p] / l) (1 - n (x) n)
   // to the lower triangle of a column-compressed matrix with one block row and
   // column a grain: K to the diagonal blocks of i and j, -K to block (j, i).
-  // `rank[p]` is the place of pair p's block below the diagonal of its column,
-  // `column_start` has one entry per scalar column. `values` must be zero
-  // before.
-  virtual void AddHessian(const PairView& pairs,
-                          const double* w,
-                          double prestress,
-                          const int* rank,
-                          const int* column_start,
-                          double* values) const = 0;
+  // first = f' and second = f make the Hessian (9). `rank[p]` is the place of
+  // pair p's block below the diagonal of its column, `column_start` has one
+  // entry per scalar column. `values` must be zero before.
+  virtual void AddBlocks(const PairView& pairs,
+                         const PairState* states,
+                         const double* first,
+                         const double* second,
+                         const int* rank,
+                         const int* column_start,
+                         double* values) const = 0;
 
   // hv = H v.
   virtual void HessianTimes(const PairView& pairs,

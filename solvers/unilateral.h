@@ -41,6 +41,9 @@ struct Gaps {
 
 // E(x) = sum over gaps c of k_c (delta_c(x) v 0)^alpha / alpha, the form that
 // an interior point, a least-squares method or a ray search can take apart.
+// With the force f_c = k_c (delta_c v 0)^(alpha-1) of a gap,
+//   gradient = sum f_c grad(delta_c),
+//   Hessian  = sum f_c' grad(delta_c) grad(delta_c)^T + f_c Hess(delta_c).
 class UnilateralFunction : public SecondOrderFunction {
  public:
   // alpha >= 2.
@@ -48,6 +51,23 @@ class UnilateralFunction : public SecondOrderFunction {
 
   // Returns false where the function is not defined.
   virtual bool EvaluateGaps(const double* x, Gaps* gaps) const = 0;
+
+  // The Hessian with its second part times theta: 1 is EvaluateHessian(), 0 the
+  // matrix of Gauss and Newton, which is positive semidefinite. As
+  // EvaluateHessian() otherwise.
+  virtual bool EvaluateStiffness(const double* x,
+                                 double theta,
+                                 SparseMatrix* hessian) const = 0;
+
+  // sum first_c grad(delta_c) grad(delta_c)^T + second_c Hess(delta_c) with
+  // weights of the gaps that EvaluateGaps() listed at the same x; nothing else
+  // may have been evaluated since. Gaps whose first weight is zero need not be
+  // in the pattern, and their second weight must be zero, too. Returns false if
+  // the list is no longer the same. As EvaluateHessian() otherwise.
+  virtual bool EvaluateWeightedHessian(const double* x,
+                                       const double* first,
+                                       const double* second,
+                                       SparseMatrix* hessian) const = 0;
 };
 
 }  // namespace granopt

@@ -1283,6 +1283,48 @@ TEST(ContactEnergy, GapJacobianIsTheDerivativeOfTheGaps) {
   });
 }
 
+// sum a_c (grad delta)(grad delta)^T from the Jacobian, and sum b_c Hess(delta)
+// from differences of sum b_c grad(delta_c).
+TEST(ContactEnergy, WeightedHessianIsMadeOfTheDerivativesOfTheGaps) {
+  ForGrid([](GridCase& grid) {
+    if (grid.options.alpha != 2.0) return;  // the law does not enter
+    const int n = grid.energy->NumParameters();
+    Gaps gaps;
+    ASSERT_TRUE(grid.energy->EvaluateGaps(grid.u.data(), &gaps));
+    const auto m = static_cast<int>(gaps.ids.size());
+    const std::vector<double> a = RandomVector(m, 1.0, 51);
+    const std::vector<double> b = RandomVector(m, 1.0, 52);
+    const auto weights_a = Eigen::Map<const Eigen::VectorXd>(a.data(), m);
+    const auto weights_b = Eigen::Map<const Eigen::VectorXd>(b.data(), m);
+    SparseMatrix first, both;
+    const std::vector<double> zero(m, 0.0);
+    ASSERT_TRUE(grid.energy->EvaluateWeightedHessian(
+        grid.u.data(), a.data(), zero.data(), &first));
+    ASSERT_TRUE(grid.energy->EvaluateWeightedHessian(
+        grid.u.data(), a.data(), b.data(), &both));
+    const Eigen::MatrixXd jacobian = gaps.jacobian;
+    const Eigen::MatrixXd lower =
+        (jacobian.transpose() * weights_a.asDiagonal() * jacobian)
+            .triangularView<Eigen::Lower>();
+    EXPECT_LT((Eigen::MatrixXd(first) - lower).cwiseAbs().maxCoeff(), 1e-13);
+    const Eigen::MatrixXd second = Eigen::MatrixXd(both - first);
+    for (int v = 0; v < n; ++v) {
+      std::vector<Eigen::VectorXd> at(4);
+      for (int k = 0; k < 4; ++k) {
+        std::vector<double> u = grid.u;
+        u[v] += (k < 2 ? k - 2 : k - 1) * grid.h;
+        ASSERT_TRUE(grid.energy->EvaluateGaps(u.data(), &gaps));
+        at[k] = gaps.jacobian.transpose() * weights_b;
+      }
+      const Eigen::VectorXd difference =
+          (8.0 * (at[2] - at[1]) - (at[3] - at[0])) / (12.0 * grid.h);
+      for (int row = v; row < n; ++row) {
+        EXPECT_NEAR(difference[row], second(row, v), 1e-7);
+      }
+    }
+  });
+}
+
 TEST(ContactEnergy, GapNamesSurviveRebuiltListsAndDriftAcrossTheCell) {
   for (const int d : {2, 3}) {
     const Packing packing = MixedPacking(d, 28);
