@@ -385,6 +385,13 @@ bool ContactEnergy::EvaluateWeightedHessian(const double* u,
   return true;
 }
 
+void ContactEnergy::EvaluateLaw(int n,
+                                const double* overlap,
+                                double* force,
+                                double* stiffness) const {
+  kernel_->Apply(n, overlap, force, stiffness);
+}
+
 bool ContactEnergy::EvaluateGaps(const double* u, Gaps* gaps) const {
   if (!Prepare(u)) return false;
   UpdateStates();
@@ -393,6 +400,8 @@ bool ContactEnergy::EvaluateGaps(const double* u, Gaps* gaps) const {
   gaps->ids.resize(m);
   gaps->delta.resize(m);
   gaps->stiffness.resize(m);
+  gaps->curvature.resize(m);
+  gaps->margin = kPatternMargin * min_radius_;
   auto& jacobian = gaps->jacobian;
   jacobian.resize(m, NumParameters());
   jacobian.resizeNonZeros(static_cast<Eigen::Index>(m) * 2 * d);
@@ -406,6 +415,10 @@ bool ContactEnergy::EvaluateGaps(const double* u, Gaps* gaps) const {
       gaps->ids[p] = {i, j, list_.image[p]};
       gaps->delta[p] = states_[p].delta;
       gaps->stiffness[p] = pair_stiffness_.empty() ? 1.0 : pair_stiffness_[p];
+      // n (x) n is removed from the unit matrix, and 1 / l is left. Centres
+      // that coincide have no direction.
+      gaps->curvature[p] =
+          i != j && states_[p].distance > 0.0 ? 1.0 / states_[p].distance : 0.0;
       *(row_end + 1) = *row_end;
       ++row_end;
       if (i == j) continue;  // an image moves with its grain

@@ -94,6 +94,10 @@ class ContactEnergy : public UnilateralFunction {
                                const double* first,
                                const double* second,
                                SparseMatrix* hessian) const override;
+  void EvaluateLaw(int n,
+                   const double* overlap,
+                   double* force,
+                   double* stiffness) const override;
   bool EvaluateGaps(const double* u, Gaps* gaps) const override;
 
   // The packing at displacement u, not wrapped, positions rounded to

@@ -69,6 +69,16 @@ class Kernel final : public ContactKernel {
     }
   }
 
+  void Apply(int m,
+             const double* delta,
+             double* force,
+             double* stiffness) const override {
+    for (int p = 0; p < m; ++p) {
+      force[p] = law_.Force(delta[p]);
+      stiffness[p] = law_.Stiffness(delta[p]);
+    }
+  }
+
   void HessianTimes(const PairView& pairs,
                     const double* w,
                     const double* v,

@@ -84,6 +84,12 @@ class ContactKernel {
                          const int* column_start,
                          double* values) const = 0;
 
+  // Force and stiffness of m overlaps >= 0 at k = 1.
+  virtual void Apply(int m,
+                     const double* delta,
+                     double* force,
+                     double* stiffness) const = 0;
+
   // hv = H v.
   virtual void HessianTimes(const PairView& pairs,
                             const double* w,

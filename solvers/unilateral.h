@@ -35,6 +35,10 @@ struct Gaps {
   std::vector<GapId> ids;
   Eigen::VectorXd delta;      // closure; negative where the gap is open
   Eigen::VectorXd stiffness;  // k of each term
+  Eigen::VectorXd curvature;  // norm of the second derivatives of delta
+  // Gaps that are open by less than this are in the pattern of the Hessian
+  // when it is made.
+  double margin = 0.0;
   // d(delta)/dx, one row a gap.
   Eigen::SparseMatrix<double, Eigen::RowMajor, int> jacobian;
 };
@@ -48,6 +52,13 @@ class UnilateralFunction : public SecondOrderFunction {
  public:
   // alpha >= 2.
   virtual double Exponent() const = 0;
+
+  // The force f / k and its derivative of n closures, none of them negative:
+  //   e^(alpha-1),  (alpha - 1) e^(alpha-2).
+  virtual void EvaluateLaw(int n,
+                           const double* closure,
+                           double* force,
+                           double* stiffness) const = 0;
 
   // Returns false where the function is not defined.
   virtual bool EvaluateGaps(const double* x, Gaps* gaps) const = 0;
