@@ -25,6 +25,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <limits>
 #include <memory>
 #include <string>
 #include <utility>
@@ -45,16 +47,40 @@ using Eigen::VectorXd;
 
 // Of the step to the boundary.
 constexpr double kFraction = 0.995;
+// Gaps take part that are open by less than this part of Gaps::margin: less
+// than one, so that few of those that come near later are new to the pattern.
+constexpr double kReach = 0.5;
+// The start's length in units of the mean closure.
+constexpr double kLeastLength = 1e-4;
+// Centring and corrector that are tried beside Mehrotra's own.
+constexpr double kSigmas[] = {0.03, 0.1, 0.3, 0.7};
+constexpr double kOmegas[] = {1.0, 0.3, 0.0};
+// Added to the diagonal, in units of the mean stiffness, for what nothing
+// holds.
+constexpr double kFloor = 1e-9;
+// Stiffness across the gaps of objects that too few closed gaps hold, in units
+// of the largest pre-stress f |Hess(delta)|. It keeps them from flying off;
+// more of it slows what they touch.
+constexpr double kLooseHold = 0.03;
+// A shift that was not enough: first in those units, then times this; a quarter
+// of it is tried after a success.
+constexpr double kFirstShift = 0.05;
+constexpr double kRaiseShift = 4.0;
+constexpr int kMaxRaises = 30;
+// An iteration is better if its measure is less than this part of the best.
+constexpr double kBetter = 0.9;
+// Exact Newton steps are tried once mu^(1/alpha) is under this part of the mean
+// closure and max|g| under that part of its scale; again, if they failed, once
+// the first has come down by the third number.
+constexpr double kFinishLength = 1e-3;
+constexpr double kFinishGradient = 1e-2;
+constexpr double kFinishAgain = 0.1;
+constexpr int kFinishSteps = 12;
 
 struct Settings {
   double theta;
   double start;
-  double loose;
-  double reach;
   int patience;
-  int restarts;
-  double polish;
-  double recentre;
 };
 
 class Run {
@@ -78,79 +104,50 @@ class Run {
       return;
     }
     least_cost_ = cost_;
-    for (int attempt = 0; !monitor_->stopped(); ++attempt) {
-      if (attempt > settings_.restarts) {
-        monitor_->GiveUp(why_);
-        return;
-      }
-      if (attempt > 0) ++monitor_->counters().restarts;
-      if (!(scales_.length > 0.0 && scales_.gradient > 0.0)) {
-        monitor_->GiveUp("no term is active, and none says how far to go");
-        return;
-      }
-      stiffness_scale_ = scales_.gradient / scales_.length;
-      overlap_ = scales_.length * (alpha_ - 1.0);
-      if (!Start(attempt)) return;
-      FollowPath();
+    if (!(scales_.length > 0.0 && scales_.gradient > 0.0)) {
+      monitor_->GiveUp("the function states no scales to start with");
+      return;
     }
+    stiffness_scale_ = scales_.gradient / scales_.length;
+    closure_scale_ = scales_.length * (alpha_ - 1.0);
+    if (Start()) FollowPath();
   }
 
  private:
   int num_gaps() const { return static_cast<int>(gaps_.ids.size()); }
   bool IsMember(int c) const { return e_[c] > 0.0; }
 
-  // e and s of the central path at x.
-  bool Start(int attempt) {
+  bool IsNear(int c) const { return gaps_.delta[c] > -kReach * gaps_.margin; }
+
+  // e and s of the central path at x. False if the run ends here.
+  bool Start() {
     if (!UpdateGaps()) return false;
-    const int m = num_gaps();
-    shift_ = 0.0;
-    double length = overlap_;
-    if (settings_.start > 0.0) {
-      length = std::clamp(
-          settings_.start * PredictedChange(), 1e-4 * overlap_, overlap_);
-    }
-    // What did not work is tried from closer by.
-    for (int k = 0; k < attempt; ++k) length *= 0.25;
-    e_.resize(m);
-    s_.resize(m);
-    CentralClosures(
-        *function_, m, gaps_.delta.data(), length, e_.data(), s_.data());
-    for (int c = 0; c < m; ++c) {
-      if (gaps_.delta[c] > -settings_.reach * gaps_.margin) continue;
-      e_[c] = s_[c] = 0.0;
-    }
-    length_ = length;
+    const double length = std::clamp(settings_.start * PredictedChange(),
+                                     kLeastLength * closure_scale_,
+                                     closure_scale_);
+    e_ = VectorXd::Zero(num_gaps());
+    s_ = VectorXd::Zero(num_gaps());
+    Join(length);
     return true;
   }
 
-  // e and s of the central path at x, of the length that they have on average.
-  void Centre() {
-    const double mu = MeanComplementarity(e_, s_);
-    length_ = std::pow(mu, 1.0 / alpha_);
-    for (int c = 0; c < num_gaps(); ++c) {
-      if (!IsMember(c)) continue;
-      CentralClosures(*function_, 1, &gaps_.delta[c], length_, &e_[c], &s_[c]);
-    }
-  }
-
-  // Root mean square of the change of the gaps in a step of Gauss and Newton.
+  // Root mean square of the change of the closed gaps in a step of Gauss and
+  // Newton. (In an open one the step may be anything, along what is loose.)
   double PredictedChange() {
     const Monitor::LinearTimer timer(monitor_);
     if (!function_->EvaluateStiffness(x_.data(), 0.0, &matrix_)) {
-      return overlap_;
+      return closure_scale_;
     }
     ++monitor_->counters().hessians;
-    if (!Factorize(1e-6 * stiffness_scale_)) return overlap_;
-    VectorXd step(n_);
-    Solve(-g_, &step);
-    const VectorXd change = gaps_.jacobian * step;
+    if (!Factorize(1e-6 * stiffness_scale_)) return closure_scale_;
+    Solve(-g_, &dx_);
+    const VectorXd change = gaps_.jacobian * dx_;
     double sum = 0.0;
     int count = 0;
     for (int c = 0; c < num_gaps(); ++c) {
-      if (gaps_.delta[c] > 0.0) {
-        sum += change[c] * change[c];
-        ++count;
-      }
+      if (!(gaps_.delta[c] > 0.0)) continue;
+      sum += change[c] * change[c];
+      ++count;
     }
     return count > 0 ? std::sqrt(sum / count) : 0.0;
   }
@@ -192,73 +189,97 @@ class Run {
     return true;
   }
 
-  // Gaps that have come near join on the central path.
-  void Join() {
+  // Gaps that have come near take their place on the central path.
+  void Join(double length) {
     for (int c = 0; c < num_gaps(); ++c) {
-      if (IsMember(c) || gaps_.delta[c] <= -settings_.reach * gaps_.margin) {
-        continue;
-      }
-      CentralClosures(*function_, 1, &gaps_.delta[c], length_, &e_[c], &s_[c]);
+      if (IsMember(c) || !IsNear(c)) continue;
+      CentralClosures(*function_, 1, &gaps_.delta[c], length, &e_[c], &s_[c]);
     }
   }
 
-  // Writes the matrix of the current e and s.
-  bool Assemble() {
+  // Writes the matrix for closures e and slacks s of the members, phi and phi'
+  // being those of e. Objects that too few closed gaps hold get no pre-stress,
+  // which would make the matrix indefinite for nothing. They are held: where
+  // they are or, `at_end`, by their closed gaps, so that translations stay what
+  // they are.
+  bool Assemble(const VectorXd& e,
+                const VectorXd& s,
+                const VectorXd& phi,
+                const VectorXd& dphi,
+                bool at_end) {
     const int m = num_gaps();
-    first_.resize(m);
-    second_.resize(m);
-    rho_.resize(m);
-    // Objects that too few closed gaps hold.
+    first_ = second_ = rho_ = VectorXd::Zero(m);
     degree_.assign(n_ / block_, 0);
     for (int c = 0; c < m; ++c) {
       const GapId& id = gaps_.ids[c];
-      if (!IsMember(c) || id.i == id.j || !(e_[c] > s_[c])) continue;
+      if (!(e[c] > s[c]) || id.i == id.j) continue;
       ++degree_[id.i];
       ++degree_[id.j];
     }
-    double prestress = 0.0;
+    if (at_end) LoosenClusters(e);
+    prestress_ = 0.0;
     for (int c = 0; c < m; ++c) {
-      first_[c] = second_[c] = rho_[c] = 0.0;
-      if (!IsMember(c)) continue;
+      if (!(e[c] > 0.0)) continue;
       const double k = gaps_.stiffness[c];
-      rho_[c] = phi_[c] / (phi_[c] + s_[c] * dphi_[c]);
-      first_[c] = k * dphi_[c] * rho_[c];
-      const GapId& id = gaps_.ids[c];
-      if (degree_[id.i] > block_ && degree_[id.j] > block_) {
-        second_[c] = settings_.theta * k * phi_[c];
-        prestress = std::max(prestress, second_[c] * gaps_.curvature[c]);
+      rho_[c] = phi[c] / (phi[c] + s[c] * dphi[c]);
+      first_[c] = k * dphi[c] * rho_[c];
+      prestress_ = std::max(prestress_, k * phi[c] * gaps_.curvature[c]);
+    }
+    for (int c = 0; c < m; ++c) {
+      if (!(e[c] > 0.0)) continue;
+      if (IsLoose(gaps_.ids[c].i) || IsLoose(gaps_.ids[c].j)) {
+        if (at_end && gaps_.curvature[c] > 0.0) {
+          second_[c] = -kLooseHold * prestress_ / gaps_.curvature[c];
+        }
+      } else {
+        second_[c] = settings_.theta * (gaps_.stiffness[c] * phi[c]);
       }
     }
-    prestress_ = prestress;
     if (!function_->EvaluateWeightedHessian(
             x_.data(), first_.data(), second_.data(), &matrix_)) {
       return false;
     }
     ++monitor_->counters().hessians;
-    HoldLooseObjects();
+    for (int i = 0; i < static_cast<int>(degree_.size()) && !at_end; ++i) {
+      if (!IsLoose(i)) continue;
+      for (int k = 0; k < block_; ++k) {
+        // The diagonal entry is the first of its column.
+        const int first = matrix_.outerIndexPtr()[i * block_ + k];
+        matrix_.valuePtr()[first] += kLooseHold * prestress_;
+      }
+    }
     return true;
   }
 
-  void HoldLooseObjects() {
-    for (std::size_t i = 0; i < degree_.size(); ++i) {
-      if (degree_[i] > block_) continue;
-      for (int k = 0; k < block_; ++k) {
-        const int column = static_cast<int>(i) * block_ + k;
-        matrix_.valuePtr()[matrix_.outerIndexPtr()[column]] +=
-            settings_.loose * prestress_;
+  bool IsLoose(int object) const { return degree_[object] <= block_; }
+
+  // What holds on to loose objects alone is loose, too.
+  void LoosenClusters(const VectorXd& e) {
+    for (bool again = true; again;) {
+      again = false;
+      std::vector<int> degree(degree_.size(), 0);
+      for (int c = 0; c < num_gaps(); ++c) {
+        const GapId& id = gaps_.ids[c];
+        if (!(e[c] > 0.0) || id.i == id.j) continue;
+        if (IsLoose(id.i) || IsLoose(id.j)) continue;
+        ++degree[id.i];
+        ++degree[id.j];
       }
+      for (std::size_t i = 0; i < degree.size(); ++i) {
+        again = again || (degree[i] <= block_ && degree_[i] > block_);
+      }
+      degree_ = degree;
     }
   }
 
   // Factors the matrix, shifted until that is possible.
   bool FactorizeShifted() {
-    const double floor = 1e-9 * stiffness_scale_;
-    for (int trial = 0; trial < 30; ++trial) {
-      if (Factorize(std::max(shift_, floor))) {
+    for (int raise = 0; raise < kMaxRaises; ++raise) {
+      if (Factorize(std::max(shift_, kFloor * stiffness_scale_))) {
         shift_ *= 0.25;
         return true;
       }
-      shift_ = std::max(4.0 * shift_, 0.05 * prestress_);
+      shift_ = std::max(kRaiseShift * shift_, kFirstShift * prestress_);
       if (monitor_->BudgetSpent()) return false;
     }
     return false;
@@ -344,11 +365,10 @@ class Run {
     }
     Solve(target, false, &corrector);
     double best = 2.0;
-    double best_sigma = 0, best_omega = 0;
+    double best_sigma = 0.0, best_omega = 0.0;
     VectorXd de, ds;
-    for (const double sigma : {mehrotra, 0.03, 0.1, 0.3, 0.7}) {
-      if (sigma < mehrotra) continue;
-      for (const double omega : {1.0, 0.3, 0.0}) {
+    const auto consider = [&](double sigma) {
+      for (const double omega : kOmegas) {
         de = predictor.de + sigma * centre.de + omega * corrector.de;
         ds = predictor.ds + sigma * centre.ds + omega * corrector.ds;
         const double step = StepToBoundary(de, ds);
@@ -361,22 +381,21 @@ class Run {
         best_omega = omega;
         t_ = step;
       }
+    };
+    consider(mehrotra);
+    for (const double sigma : kSigmas) {
+      if (sigma > mehrotra) consider(sigma);
     }
     dx_ = predictor.dx + best_sigma * centre.dx + best_omega * corrector.dx;
     de_ = predictor.de + best_sigma * centre.de + best_omega * corrector.de;
     ds_ = predictor.ds + best_sigma * centre.ds + best_omega * corrector.ds;
-    if (debug_)
-      std::fprintf(stderr,
-                   "    mehrotra %.2e sigma %.2e omega %.1f promise %.3f\n",
-                   mehrotra,
-                   best_sigma,
-                   best_omega,
-                   best);
   }
 
   // From Start() until the run stops, or until nothing gets better.
   void FollowPath() {
+    const double unit = ComplementarityOf(*function_, closure_scale_);
     double best = std::numeric_limits<double>::infinity();
+    double finish_at = kFinishLength;
     int since = 0;
     while (!monitor_->stopped()) {
       const int m = num_gaps();
@@ -384,77 +403,75 @@ class Run {
       dphi_.resize(m);
       function_->EvaluateLaw(m, e_.data(), phi_.data(), dphi_.data());
       const double mu = MeanComplementarity(e_, s_);
-      length_ = std::pow(mu, 1.0 / alpha_);
-      const double unit = ComplementarityOf(*function_, overlap_);
-      // The residual of the forces, and of the definition of e and s.
-      VectorXd force = gaps_.stiffness.cwiseProduct(phi_);
-      double infeasible = 0.0;
-      for (int c = 0; c < m; ++c) {
-        if (!IsMember(c)) {
-          force[c] = 0.0;
-          continue;
-        }
-        const double r = e_[c] - s_[c] - gaps_.delta[c];
-        infeasible += r * r;
-      }
-      infeasible = std::sqrt(infeasible / m) / overlap_;
-      const VectorXd residual = gaps_.jacobian.transpose() * force;
-      const double unbalanced =
-          residual.cwiseAbs().maxCoeff() / scales_.gradient;
-      const double central = std::pow(mu / unit, 1.0 / alpha_);
-      const double measure = std::max({central, unbalanced, infeasible});
-      if (debug_) {
-        std::fprintf(stderr,
-                     "  ip mu %.2e dual %.2e primal %.2e |g| %.2e E %.9e shift "
-                     "%.1e t %.3f fact %d\n",
-                     central,
-                     unbalanced,
-                     infeasible,
-                     g_.cwiseAbs().maxCoeff() / scales_.gradient,
-                     cost_,
-                     shift_ / stiffness_scale_,
-                     t_,
-                     (int)monitor_->counters().factorizations);
-      }
-      if (measure < 0.9 * best) {
+      const double length = std::pow(mu / unit, 1.0 / alpha_);
+      const double measure = std::max(length, Residual());
+      // A NaN is no progress.
+      if (measure < kBetter * best) {
         best = measure;
         since = 0;
       } else if (++since >= settings_.patience) {
-        why_ = Format("%d iterations in a row led nowhere", since);
+        monitor_->GiveUp(
+            Format("%d iterations in a row did not bring the residual of the "
+                   "relaxed problem under %.1e",
+                   since,
+                   kBetter * best));
         return;
       }
-      if (central < settings_.polish &&
-          g_.cwiseAbs().maxCoeff() < 1e-2 * scales_.gradient && Polish()) {
-        return;
+      if (length < finish_at &&
+          MaxNorm(g_) < kFinishGradient * scales_.gradient) {
+        const auto before = monitor_->counters().iterations;
+        if (Finish() || !UpdateGaps()) return;
+        finish_at = kFinishAgain * length;
+        if (monitor_->counters().iterations > before) {
+          // What is known of e and s belongs to another x.
+          e_.setZero();
+          s_.setZero();
+          Join(length * closure_scale_);
+        }
+        continue;
       }
-      if (monitor_->stopped()) return;
-
       bool factored = false;
       {
         const Monitor::LinearTimer timer(monitor_);
-        factored = Assemble() && FactorizeShifted();
-        if (factored) {
-          ChooseStep(mu);
-        }
+        factored = Assemble(e_, s_, phi_, dphi_, false) && FactorizeShifted();
+        if (factored) ChooseStep(mu);
       }
       if (!factored) {
-        if (!monitor_->stopped()) why_ = "no shift made the matrix definite";
+        monitor_->GiveUp("no shift makes the matrix positive definite");
         return;
       }
-      if (!Take()) return;
+      if (!Take(length * closure_scale_)) return;
     }
   }
 
-  // x + t dx and so on; false if the run or the path ends here.
-  bool Take() {
-    VectorXd trial(n_), g(n_);
+  static double MaxNorm(const VectorXd& v) { return v.cwiseAbs().maxCoeff(); }
+
+  // The larger one of max|B^T f| and the root mean square of e - s - delta,
+  // each in its unit.
+  double Residual() const {
+    VectorXd force = VectorXd::Zero(num_gaps());
+    double sum = 0.0;
+    for (int c = 0; c < num_gaps(); ++c) {
+      if (!IsMember(c)) continue;
+      force[c] = gaps_.stiffness[c] * phi_[c];
+      const double r = e_[c] - s_[c] - gaps_.delta[c];
+      sum += r * r;
+    }
+    const double unbalanced = MaxNorm(gaps_.jacobian.transpose() * force);
+    return std::max(unbalanced / scales_.gradient,
+                    std::sqrt(sum / num_gaps()) / closure_scale_);
+  }
+
+  // x + t dx and so on. False if the run ends here.
+  bool Take(double length) {
+    VectorXd x(n_), g(n_);
     double cost;
     Scales scales;
-    for (int halvings = 0;; ++halvings) {
-      trial = x_ + t_ * dx_;
+    for (int trial = 0;; ++trial) {
       if (monitor_->BudgetSpent()) return false;
-      if (monitor_->Evaluate(trial.data(), &cost, g.data(), &scales)) break;
-      if (halvings == 20) {
+      x = x_ + t_ * dx_;
+      if (monitor_->Evaluate(x.data(), &cost, g.data(), &scales)) break;
+      if (trial == 20) {
         monitor_->FailEvaluation();
         return false;
       }
@@ -462,18 +479,27 @@ class Run {
     }
     e_ += t_ * de_;
     s_ += t_ * ds_;
-    if (!AcceptPoint(trial, g, cost, scales)) return false;
-    if (!UpdateGaps()) return false;
-    Join();
-    if (t_ < settings_.recentre) Centre();
+    if (!Accept(x, g, cost, scales)) return false;
+    Join(length);
     return true;
   }
 
-  // False if the run ends.
-  bool AcceptPoint(const VectorXd& x,
-                   const VectorXd& g,
-                   double cost,
-                   const Scales& scales) {
+  // False if the run ends here.
+  bool Accept(const VectorXd& x,
+              const VectorXd& g,
+              double cost,
+              const Scales& scales) {
+    // As the monitor tells better points from others.
+    constexpr double kCostRoundoff = 1e-10;
+    if (cost > least_cost_ + kCostRoundoff * std::abs(least_cost_) &&
+        MaxNorm(g) <= monitor_->Tolerance(scales)) {
+      monitor_->GiveUp(
+          Format("the minimum found, of cost %.10e, is above the least seen, "
+                 "%.10e",
+                 cost,
+                 least_cost_));
+      return false;
+    }
     x_ = x;
     g_ = g;
     cost_ = cost;
@@ -481,19 +507,26 @@ class Run {
     least_cost_ = std::min(least_cost_, cost);
     if (monitor_->Accept(x_.data(), cost_, g_.data(), scales_)) return false;
     monitor_->Recenter(x_.data());
-    return true;
+    if (monitor_->WantsRebase() && monitor_->Rebase(x_.data()) &&
+        !monitor_->Evaluate(x_.data(), &cost_, g_.data(), &scales_)) {
+      monitor_->FailEvaluation();
+      return false;
+    }
+    return UpdateGaps();
   }
 
-  // Exact Newton steps as long as they halve the gradient. True if the run is
-  // over.
-  bool Polish() {
-    for (int step = 0; step < 12; ++step) {
+  // Exact Newton steps as long as they halve the gradient. True if the run ends
+  // here.
+  bool Finish() {
+    for (int step = 0; step < kFinishSteps; ++step) {
       {
         const Monitor::LinearTimer timer(monitor_);
-        if (!function_->EvaluateHessian(x_.data(), &matrix_)) return false;
-        ++monitor_->counters().hessians;
-        if (!Factorize(1e-10 * stiffness_scale_)) {
-          if (debug_) std::fprintf(stderr, "  polish: indefinite\n");
+        const VectorXd closure = gaps_.delta.cwiseMax(0.0);
+        VectorXd phi(num_gaps()), dphi(num_gaps());
+        function_->EvaluateLaw(
+            num_gaps(), closure.data(), phi.data(), dphi.data());
+        if (!Assemble(closure, VectorXd::Zero(num_gaps()), phi, dphi, true) ||
+            !Factorize(0.1 * kFloor * stiffness_scale_)) {
           return false;
         }
         Solve(-g_, &dx_);
@@ -501,28 +534,19 @@ class Run {
       VectorXd g(n_);
       double cost;
       Scales scales;
-      const double before = g_.cwiseAbs().maxCoeff();
+      const double bound = 0.5 * MaxNorm(g_);
       bool taken = false;
       double t = 1.0;
       for (int trial = 0; trial < 3 && !taken; ++trial, t *= 0.5) {
-        const VectorXd x = x_ + t * dx_;
         if (monitor_->BudgetSpent()) return true;
+        const VectorXd x = x_ + t * dx_;
         if (!monitor_->Evaluate(x.data(), &cost, g.data(), &scales)) continue;
-        if (!(g.cwiseAbs().maxCoeff() < 0.5 * before)) continue;
+        if (!(MaxNorm(g) < bound)) continue;
         taken = true;
-        if (!AcceptPoint(x, g, cost, scales)) return true;
+        if (!Accept(x, g, cost, scales)) return true;
       }
-      if (debug_) {
-        std::fprintf(stderr,
-                     "  polish |g| %.2e taken %d\n",
-                     g.cwiseAbs().maxCoeff() / scales_.gradient,
-                     taken);
-      }
-      if (!taken) break;
-      if (!UpdateGaps()) return true;
+      if (!taken) return false;
     }
-    if (!UpdateGaps()) return true;
-    Join();
     return false;
   }
 
@@ -533,37 +557,40 @@ class Run {
   const int n_;
   const int block_;
   const double alpha_;
-  const bool debug_ = std::getenv("GRANOPT_IP") != nullptr;
 
   VectorXd x_, g_;
   double cost_ = 0.0, least_cost_ = 0.0;
   Scales scales_;
-  std::string why_;
+  // Of the start: units of what follows.
+  double stiffness_scale_ = 0.0, closure_scale_ = 0.0;
 
+  // The gaps at x; e = s = 0 for those that do not take part.
   Gaps gaps_;
   std::vector<GapId> ids_;
   VectorXd e_, s_, phi_, dphi_;
+  // The system.
   VectorXd first_, second_, rho_;
   std::vector<int> degree_;
   SparseMatrix matrix_;
+  double shift_ = 0.0, prestress_ = 0.0;
+  // The step.
   VectorXd dx_, de_, ds_;
-  double stiffness_scale_ = 0.0, overlap_ = 0.0, length_ = 0.0;
-  double shift_ = 0.0, prestress_ = 0.0, t_ = 0.0;
+  double t_ = 0.0;
 };
 
 class InteriorPoint : public Solver {
  public:
   explicit InteriorPoint(Parameters* parameters) : parameters_(*parameters) {
     settings_.theta = parameters->Double(
-        "theta", 1.0, 0.0, 1.0, "part of the pre-stress that the matrix has");
-    settings_.start =
-        parameters->Double("start", 1.4, 0.0, 1e6, "first length");
-    settings_.loose = parameters->Double("loose", 0.03, 0.0, 1e6, "loose");
-    settings_.reach = parameters->Double("reach", 1, 0.0, 1e6, "reach");
-    settings_.patience = parameters->Int("patience", 8, 1, "patience");
-    settings_.restarts = parameters->Int("restarts", 3, 0, "restarts");
-    settings_.polish = parameters->Double("polish", 1e-3, 0, 1, "polish");
-    settings_.recentre = parameters->Double("recentre", 0.1, 0, 1, "recentre");
+        "theta", 1.0, 0.0, 1.0, "part of the second derivatives of gaps kept");
+    settings_.start = parameters->Double(
+        "start",
+        1.4,
+        0.0,
+        1e6,
+        "first length, in units of the predicted change of closed gaps");
+    settings_.patience = parameters->Int(
+        "patience", 6, 1, "iterations without progress before it gives up");
     MakeLinearSolver(parameters);
   }
 
