@@ -428,6 +428,9 @@ class RunIndex {
 int StepsOf(const ComparisonSetup& setup, const Case& c) {
   return c.kind == "near_jamming" ? setup.steps : 1;
 }
+bool IsChain(const ComparisonSetup& setup, const Case& c) {
+  return StepsOf(setup, c) > 1;
+}
 
 // What a reader must know about the runs of a case beyond its tables.
 std::vector<std::string> Notes(const ComparisonSetup& setup,
@@ -443,7 +446,12 @@ std::vector<std::string> Notes(const ComparisonSetup& setup,
   std::map<std::pair<std::uint64_t, int>,
            std::map<std::string, std::pair<double, std::vector<std::string>>>>
       minima;
-  const bool chain = c.kind == "near_jamming" && setup.steps > 1;
+  const bool chain = IsChain(setup, c);
+  struct FailedSteps {
+    std::set<std::pair<std::uint64_t, int>> steps;
+    std::string first;
+  };
+  std::map<std::pair<std::string, std::string>, FailedSteps> failed_steps;
   const auto seed_and_step = [&](std::uint64_t seed, int step) {
     return Format("seed %llu", static_cast<unsigned long long>(seed)) +
            (chain ? Format(", step %d", step) : "");
@@ -452,6 +460,13 @@ std::vector<std::string> Notes(const ComparisonSetup& setup,
     const RunKey& key = run.key;
     if (key.case_id != c.id) continue;
     if (!run.converged) {
+      if (chain) {
+        FailedSteps& failed = failed_steps[{key.label, run.stop_reason}];
+        if (failed.steps.empty()) {
+          failed.first = seed_and_step(key.seed, key.step) + ": " + run.message;
+        }
+        failed.steps.insert({key.seed, key.step});
+      }
       const std::string line = key.label +
                                (setup.seeds.size() > 1 || chain
                                     ? ", " + seed_and_step(key.seed, key.step)
@@ -481,11 +496,8 @@ std::vector<std::string> Notes(const ComparisonSetup& setup,
       minimum.second.push_back(key.label);
     }
   }
-  // Of long chains the first ones; all are in runs.csv.
-  constexpr std::size_t kMostLines = 6;
-  const std::size_t most = chain ? kMostLines : failures.size();
-  for (std::size_t k = 0; k < std::min(most, failures.size()); ++k) {
-    const auto& [line, repetitions] = failures[k];
+  for (const auto& [line, repetitions] : failures) {
+    if (chain) break;
     notes.push_back(
         "! " + line +
         (setup.repetitions > 1
@@ -493,9 +505,13 @@ std::vector<std::string> Notes(const ComparisonSetup& setup,
                    Numbers(repetitions) + ")"
              : ""));
   }
-  if (failures.size() > most) {
-    notes.push_back(Format("! and %zu more runs that failed (runs.csv)",
-                           failures.size() - most));
+  // Of a chain, those of one method and kind together.
+  for (const auto& [end, failed] : failed_steps) {
+    notes.push_back("! " + end.first + ": " + end.second +
+                    Format(" in %zu of %zu steps, as ",
+                           failed.steps.size(),
+                           minima.size()) +
+                    failed.first);
   }
   for (const std::string& label : differ) {
     notes.push_back("! " + label +
@@ -505,7 +521,9 @@ std::vector<std::string> Notes(const ComparisonSetup& setup,
   // Seeds in which all runs agree are said together.
   std::map<std::string, std::set<int>> alike;
   std::map<std::string, int> alike_steps;
-  std::size_t lines = 0, more = 0;
+  // Of long chains the first ones; all are in runs.csv.
+  constexpr int kMostLines = 6;
+  int lines = 0, more = 0;
   for (const auto& [instance, tags] : minima) {
     if (tags.size() == 1 && tags.begin()->first != "-") {
       const std::string end = tags.begin()->first == "0"
@@ -539,7 +557,7 @@ std::vector<std::string> Notes(const ComparisonSetup& setup,
   }
   if (more > 0) {
     notes.push_back(
-        Format("and %zu more steps whose runs do not end in one minimum "
+        Format("and %d more steps whose runs do not end in one minimum "
                "(runs.csv)",
                more));
   }
@@ -1365,7 +1383,7 @@ StepRow MakeStepRow(const ComparisonSetup& setup,
   StepRow row;
   row.method = method;
   row.difference = kNan;
-  constexpr int kColumns = 9;
+  constexpr int kColumns = 11;
   std::vector<double> columns[kColumns];
   for (const auto& [seed, step] : chosen) {
     std::vector<double> values[kColumns];
@@ -1379,15 +1397,18 @@ StepRow MakeStepRow(const ComparisonSetup& setup,
         return work == nullptr ? kInfinity : static_cast<double>(work->*member);
       };
       const Work& spent = work == nullptr ? run->work : *work;
-      const double all[kColumns] = {cost(&Work::iterations),
-                                    cost(&Work::evaluations),
-                                    cost(&Work::hessians),
-                                    cost(&Work::factorizations),
-                                    cost(&Work::linear_iterations),
-                                    cost(&Work::cpu_seconds),
-                                    static_cast<double>(spent.iterations),
-                                    static_cast<double>(spent.factorizations),
-                                    spent.cpu_seconds};
+      const double all[kColumns] = {
+          cost(&Work::iterations),
+          cost(&Work::evaluations),
+          cost(&Work::hessians),
+          cost(&Work::factorizations),
+          cost(&Work::linear_iterations),
+          cost(&Work::cpu_seconds),
+          static_cast<double>(spent.iterations),
+          static_cast<double>(spent.hessians),
+          static_cast<double>(spent.factorizations),
+          static_cast<double>(spent.linear_iterations),
+          spent.cpu_seconds};
       for (int k = 0; k < kColumns; ++k) values[k].push_back(all[k]);
     }
     if (values[0].empty()) continue;  // an unfinished comparison
@@ -1423,7 +1444,9 @@ StepRow MakeStepRow(const ComparisonSetup& setup,
                                          &row.linear_iterations,
                                          &row.cpu_seconds,
                                          &row.spent_iterations,
+                                         &row.spent_hessians,
                                          &row.spent_factorizations,
+                                         &row.spent_linear_iterations,
                                          &row.spent_seconds};
   for (int k = 0; k < kColumns; ++k) *fields[k] = MedianAndWorst(columns[k]);
   return row;
@@ -1431,8 +1454,12 @@ StepRow MakeStepRow(const ComparisonSetup& setup,
 
 // "12", "12 (40)", "12 (never)"; "never" if the median is.
 template <typename Print>
-std::string WithWorst(const MedianWorst& value, const Print& print) {
+std::string WithWorst(const MedianWorst& value,
+                      const Print& print,
+                      double spent_worst = kInfinity) {
   if (std::isnan(value.median)) return "-";
+  // Of work that no run did, the failed ones did none either.
+  if (spent_worst == 0.0) return print(0.0);
   const std::string median = print(value.median), worst = print(value.worst);
   return median == worst ? median : median + " (" + worst + ")";
 }
@@ -1576,6 +1603,10 @@ std::string StepTablesText(const ComparisonSetup& setup,
         &StepRow::hessians,
         &StepRow::factorizations,
         &StepRow::linear_iterations};
+    const MedianWorst StepRow::*const spent_optional[3] = {
+        &StepRow::spent_hessians,
+        &StepRow::spent_factorizations,
+        &StepRow::spent_linear_iterations};
     bool reference = false;
     for (const StepTable* part : parts) {
       for (const StepRow& row : part->rows) {
@@ -1621,13 +1652,17 @@ std::string StepTablesText(const ComparisonSetup& setup,
             WithWorst(row.iterations, Count),
             WithWorst(row.evaluations, Count)};
         for (int k = 0; k < 3; ++k) {
-          if (any[k]) cells.push_back(WithWorst(row.*optional[k], Count));
+          if (any[k]) {
+            cells.push_back(WithWorst(
+                row.*optional[k], Count, (row.*spent_optional[k]).worst));
+          }
         }
         cells.push_back(WithWorst(row.cpu_seconds, Seconds));
         if (reference) {
           cells.push_back(Format("%d of %d", row.same, row.judged));
-          cells.push_back(std::isnan(row.difference)
-                              ? "-"
+          cells.push_back(std::isnan(row.difference) ? "-"
+                          : row.difference == 0.0
+                              ? std::string("0")
                               : Format("%+.0e", row.difference));
           cells.push_back(row.lower == 0 ? "-" : std::to_string(row.lower));
           cells.push_back(row.higher == 0 ? "-" : std::to_string(row.higher));
@@ -1817,6 +1852,15 @@ std::string BasinsText(const ComparisonSetup& setup,
     nowhere = nowhere || row.nowhere > 0;
     unknown = unknown || row.unknown > 0;
   }
+  // If no step rearranges, one column says it.
+  const auto sum = [&rows](const std::string& kind) {
+    int instances = 0;
+    for (const BasinRow& row : rows) {
+      if (row.kind == kind) instances += row.judged + row.nowhere + row.unknown;
+    }
+    return instances;
+  };
+  if (kinds.size() == 2 && sum(kinds[0]) == sum(kinds[1])) kinds.pop_back();
   std::vector<std::vector<std::string>> grid(1);
   grid[0] = {"case", "method"};
   grid[0].insert(grid[0].end(), kinds.begin(), kinds.end());
@@ -1837,7 +1881,7 @@ std::string BasinsText(const ComparisonSetup& setup,
     }
     const std::size_t column =
         std::find(kinds.begin(), kinds.end(), row.kind) - kinds.begin();
-    if (row.judged > 0) {
+    if (row.judged > 0 && column < kinds.size()) {
       const Interval interval = Wilson(row.differ, row.judged);
       grid.back()[2 + column] = Format("%d of %d (%.0f-%.0f %%)",
                                        row.differ,
@@ -1928,13 +1972,14 @@ std::string TablesText(const ComparisonSetup& setup,
     const Case& c = table.table_case;
     if (t == 0 || tables[t - 1].table_case.id != c.id) {
       text += (markdown ? "## " : "\n") + c.id + "\n" + (markdown ? "\n" : "");
-      paragraph(Meaning(c) +
-                (c.kind == "near_jamming"
-                     ? Format(" (phi - phi_J = %.3g)", table.distance)
-                     : ""));
+      if (markdown || !IsChain(setup, c))
+        paragraph(Meaning(c) +
+                  (c.kind == "near_jamming"
+                       ? Format(" (phi - phi_J = %.3g)", table.distance)
+                       : ""));
     }
     // The tables of many steps say more on a terminal.
-    const bool brief = !markdown && setup.steps > 1 && c.kind == "near_jamming";
+    const bool brief = !markdown && IsChain(setup, c);
     any_brief = any_brief || brief;
     if (!brief) {
       text += "\n";

@@ -376,7 +376,8 @@ struct StepRow {
   MedianWorst iterations, evaluations, hessians, factorizations,
       linear_iterations, cpu_seconds;
   // What was spent, reached or not.
-  MedianWorst spent_iterations, spent_factorizations, spent_seconds;
+  MedianWorst spent_iterations, spent_hessians, spent_factorizations,
+      spent_linear_iterations, spent_seconds;
   // Steps whose minimum is the reference's, of those in which both are known.
   int same = 0, judged = 0;
   // (E - E_ref) / max(E, E_ref) at the end of runs, of those with one of the
