@@ -1383,16 +1383,17 @@ StepRow MakeStepRow(const ComparisonSetup& setup,
   StepRow row;
   row.method = method;
   row.difference = kNan;
-  constexpr int kColumns = 11;
+  constexpr int kColumns = 12;
   std::vector<double> columns[kColumns];
   for (const auto& [seed, step] : chosen) {
     std::vector<double> values[kColumns];
-    bool failed = false;
+    bool failed = false, unjammed = false;
     for (int r = 1; r <= setup.repetitions; ++r) {
       const RunRecord* run = index.Find(c.id, method.label, seed, step, r);
       if (run == nullptr) continue;
       const Work* work = index.Reached(*run, level);
       failed = failed || work == nullptr;
+      unjammed = unjammed || run->minimum == "0";
       const auto cost = [work](auto member) {
         return work == nullptr ? kInfinity : static_cast<double>(work->*member);
       };
@@ -1405,6 +1406,7 @@ StepRow MakeStepRow(const ComparisonSetup& setup,
           cost(&Work::linear_iterations),
           cost(&Work::cpu_seconds),
           static_cast<double>(spent.iterations),
+          static_cast<double>(spent.evaluations),
           static_cast<double>(spent.hessians),
           static_cast<double>(spent.factorizations),
           static_cast<double>(spent.linear_iterations),
@@ -1414,6 +1416,7 @@ StepRow MakeStepRow(const ComparisonSetup& setup,
     if (values[0].empty()) continue;  // an unfinished comparison
     ++row.steps;
     row.failed += failed ? 1 : 0;
+    row.unjammed += unjammed ? 1 : 0;
     for (int k = 0; k < kColumns; ++k) columns[k].push_back(Median(values[k]));
 
     const RunRecord* run = index.Find(c.id, method.label, seed, step, 1);
@@ -1444,6 +1447,7 @@ StepRow MakeStepRow(const ComparisonSetup& setup,
                                          &row.linear_iterations,
                                          &row.cpu_seconds,
                                          &row.spent_iterations,
+                                         &row.spent_evaluations,
                                          &row.spent_hessians,
                                          &row.spent_factorizations,
                                          &row.spent_linear_iterations,
@@ -1452,14 +1456,15 @@ StepRow MakeStepRow(const ComparisonSetup& setup,
   return row;
 }
 
-// "12", "12 (40)", "12 (never)"; "never" if the median is.
+// "12", "12 (40)", "12 (never)"; ">500" if the median step never got there.
 template <typename Print>
 std::string WithWorst(const MedianWorst& value,
-                      const Print& print,
-                      double spent_worst = kInfinity) {
+                      const MedianWorst& spent,
+                      const Print& print) {
   if (std::isnan(value.median)) return "-";
   // Of work that no run did, the failed ones did none either.
-  if (spent_worst == 0.0) return print(0.0);
+  if (spent.worst == 0.0) return print(0.0);
+  if (std::isinf(value.median)) return ">" + print(spent.median);
   const std::string median = print(value.median), worst = print(value.worst);
   return median == worst ? median : median + " (" + worst + ")";
 }
@@ -1521,7 +1526,8 @@ std::vector<StepTable> TabulateSteps(const ComparisonSetup& setup,
 std::string StepTablesCsv(const std::vector<StepTable>& tables) {
   std::string csv =
       "case,strain,relative,asked_distance,distance,kind,level,steps_kind,"
-      "solver,spec,steps,failed,iterations,iterations_worst,evaluations,"
+      "solver,spec,steps,failed,unjammed,iterations,iterations_worst,"
+      "evaluations,"
       "evaluations_worst,hessians,hessians_worst,factorizations,"
       "factorizations_worst,linear_iterations,linear_iterations_worst,"
       "cpu_seconds,cpu_seconds_worst,spent_iterations,spent_iterations_worst,"
@@ -1537,7 +1543,7 @@ std::string StepTablesCsv(const std::vector<StepTable>& tables) {
              (table.level.absolute ? "absolute," : "relative,") +
              Neat(table.level.value) + "," + table.kind + "," +
              Field(row.method.label) + "," + Field(row.method.spec) +
-             Format(",%d,%d,", row.steps, row.failed);
+             Format(",%d,%d,%d,", row.steps, row.failed, row.unjammed);
       for (const MedianWorst* value : {&row.iterations,
                                        &row.evaluations,
                                        &row.hessians,
@@ -1649,15 +1655,15 @@ std::string StepTablesText(const ComparisonSetup& setup,
             row.method.label,
             std::to_string(row.steps),
             row.failed == 0 ? "-" : std::to_string(row.failed),
-            WithWorst(row.iterations, Count),
-            WithWorst(row.evaluations, Count)};
+            WithWorst(row.iterations, row.spent_iterations, Count),
+            WithWorst(row.evaluations, row.spent_evaluations, Count)};
         for (int k = 0; k < 3; ++k) {
           if (any[k]) {
-            cells.push_back(WithWorst(
-                row.*optional[k], Count, (row.*spent_optional[k]).worst));
+            cells.push_back(
+                WithWorst(row.*optional[k], row.*spent_optional[k], Count));
           }
         }
-        cells.push_back(WithWorst(row.cpu_seconds, Seconds));
+        cells.push_back(WithWorst(row.cpu_seconds, row.spent_seconds, Seconds));
         if (reference) {
           cells.push_back(Format("%d of %d", row.same, row.judged));
           cells.push_back(std::isnan(row.difference) ? "-"
@@ -1704,11 +1710,11 @@ std::string StepTablesText(const ComparisonSetup& setup,
         rows.back().push_back(count[kind] == 0 ? "-"
                                                : std::to_string(count[kind]));
       }
-      rows.back().push_back(WithWorst(MedianAndWorst(apart), [](double value) {
-        return std::isinf(value) ? std::string("inf") : Format("%.1e", value);
-      }));
+      rows.back().push_back(
+          Format("%.0e (%.0e)", Median(apart), MedianAndWorst(apart).worst));
       rows.back().push_back(Count(Median(contacts)));
-      rows.back().push_back(WithWorst(MedianAndWorst(changed), Count));
+      rows.back().push_back(
+          WithWorst(MedianAndWorst(changed), {kNan, kNan}, Count));
     }
     text += Grid(rows, 0, markdown) + (markdown ? "\n" : "");
   }
@@ -1718,18 +1724,19 @@ std::string StepTablesText(const ComparisonSetup& setup,
       setup.reference.empty()
           ? "the state as prepared, from which the next step starts"
           : setup.reference + " in the same step";
-  for (
-      const std::string& line : std::vector<std::string>{
-          "non-rearranging: the strain in one step and in two halves ends "
-          "within 1e-3 mean overlaps (ends apart:",
-          "the largest coordinate of rigid grains, median and worst); changed: "
-          "contacts of rigid grains made or lost;",
-          "failed: steps that never got there, infinitely expensive in medians "
-          "(never); a step's time is the median",
-          "of its repetitions; same minimum: as " + whose + ";",
-          Format("E - E_ref: the largest, over the larger of the two; lower, "
-                 "higher: how many by more than %s",
-                 Neat(kEnergyDifference).c_str())}) {
+  for (const std::string& line : std::vector<std::string>{
+           "non-rearranging: the strain in one step and in two halves ends "
+           "within 1e-3 mean overlaps (ends apart:",
+           "the largest coordinate of rigid grains, median and worst); "
+           "changed: "
+           "contacts of rigid grains made or lost;",
+           "failed: steps that never got there, infinitely expensive in "
+           "medians (>N: what the median step had spent then);",
+           "a step's time is the median of its repetitions; same minimum: as " +
+               whose + ";",
+           Format("E - E_ref: the largest, over the larger of the two; lower, "
+                  "higher: how many by more than %s",
+                  Neat(kEnergyDifference).c_str())}) {
     text += (markdown ? "" : "  ") + line + "\n";
   }
   if (markdown) text += "\n";

@@ -372,12 +372,13 @@ MedianWorst MedianAndWorst(const std::vector<double>& values);
 struct StepRow {
   Method method;
   int steps = 0;
-  int failed = 0;  // steps of which a repetition did not get there
+  int failed = 0;    // steps of which a repetition did not get there
+  int unjammed = 0;  // steps of which one ended at E = 0 or on the way there
   MedianWorst iterations, evaluations, hessians, factorizations,
       linear_iterations, cpu_seconds;
   // What was spent, reached or not.
-  MedianWorst spent_iterations, spent_hessians, spent_factorizations,
-      spent_linear_iterations, spent_seconds;
+  MedianWorst spent_iterations, spent_evaluations, spent_hessians,
+      spent_factorizations, spent_linear_iterations, spent_seconds;
   // Steps whose minimum is the reference's, of those in which both are known.
   int same = 0, judged = 0;
   // (E - E_ref) / max(E, E_ref) at the end of runs, of those with one of the
