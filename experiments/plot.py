@@ -1237,18 +1237,18 @@ def DistancesFigure(arguments):
   styles = MethodStyles(Unique(table["solver"]))
   x_low, x_high = Span(table["asked_distance"])
   rows, columns = len(quantities), len(strains)
-  width, height = 2.5 + 4.6 * columns, 1.55 + 2.95 * rows
+  width, height = 0.85 + 5.4 * columns, 1.55 + 2.95 * rows
   figure, axes = plt.subplots(
       rows, columns, sharex=True, sharey="row", squeeze=False, figsize=(width, height),
-      gridspec_kw=dict(left=0.85 / width, right=1 - 1.25 / width,
+      gridspec_kw=dict(left=0.85 / width, right=1 - 1.4 / width,
                        top=1 - 0.85 / height, bottom=0.95 / height,
-                       wspace=1.25 / (4.6 - 1.0), hspace=0.1))
+                       wspace=1.4 / 4.0, hspace=0.1))
   for row, (label, name, spent) in enumerate(quantities):
     values = np.concatenate([table[key] for key in
                              (name, name + "_worst", spent, spent + "_worst")])
     low, high = Span(values[np.isfinite(values) & (values > 0)])
     # A strip for the failures.
-    failing = bool((table["failed"] > 0).any())
+    failing = bool((table["failed"][table[spent + "_worst"] > 0] > 0).any())
     strip = 0.13 * (high - low) if failing else 0.0
     for column, strain in enumerate(strains):
       ax = axes[row, column]
@@ -1261,7 +1261,7 @@ def DistancesFigure(arguments):
           continue
         distance = table["asked_distance"][mine]
         # Side by side.
-        x = distance * 10**(min(0.1, 0.5 / len(styles)) * (k - (len(styles) - 1) / 2))
+        x = distance * 10**(min(0.06, 0.4 / len(styles)) * (k - (len(styles) - 1) / 2))
         y, worst = table[name][mine], table[name + "_worst"][mine]
         good = np.isfinite(y) & (y > 0)
         pale = table["unjammed"][mine] > 0
