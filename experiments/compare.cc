@@ -72,6 +72,11 @@ DEFINE_int32(steps,
 DEFINE_string(prepare_solver,
               granopt::kDefaultSolver,
               "the method that relaxes the packings before the loads");
+DEFINE_int64(
+    prepare_evaluations,
+    1000000,
+    "a relaxation of these steps gives up after this many evaluations, "
+    "which ends their chain (0: never)");
 DEFINE_string(reference,
               "",
               "label of the method whose minima the others' are compared with: "
@@ -296,12 +301,27 @@ void SetBaselineAndReference(ComparisonSetup* setup) {
 }
 
 int Replot() {
-  for (const char* flag :
-       {"solvers",   "cases",          "phi",         "seeds",
-        "seed",      "repetitions",    "max_seconds", "max_evaluations",
-        "shear",     "distances",      "steps",       "resume",
-        "paper",     "prepare_solver", "input",       "particles",
-        "dimension", "alpha",          "smoke",       "zero_pressure"}) {
+  for (const char* flag : {"solvers",
+                           "cases",
+                           "phi",
+                           "seeds",
+                           "seed",
+                           "repetitions",
+                           "max_seconds",
+                           "max_evaluations",
+                           "shear",
+                           "distances",
+                           "steps",
+                           "resume",
+                           "paper",
+                           "prepare_solver",
+                           "prepare_evaluations",
+                           "input",
+                           "particles",
+                           "dimension",
+                           "alpha",
+                           "smoke",
+                           "zero_pressure"}) {
     if (IsGiven(flag)) {
       BadInput(std::string("--") + flag + " cannot go with --replot");
     }
@@ -678,8 +698,6 @@ void ApplyPreset(Plan* plan) {
     if (!IsGiven("particles") && FLAGS_input.empty()) FLAGS_particles = 64;
     if (!IsGiven("repetitions")) FLAGS_repetitions = 2;
     if (!IsGiven("distances")) FLAGS_distances = "1e-2,1e-3,1e-4";
-    // So few that a chain asked for is short, but one.
-    FLAGS_steps = std::min(FLAGS_steps, 2);
   }
   Level level;
   if (GivenLevel(&level) || setup.levels.empty()) setup.levels = {level};
@@ -700,6 +718,7 @@ Plan MakePlan() {
   CheckRange("absolute_tolerance", FLAGS_absolute_tolerance, 0.0, 1e300);
   CheckRange("max_seconds", FLAGS_max_seconds, 0.0, 1e300);
   CheckRange("max_evaluations", FLAGS_max_evaluations, 0.0, 9e18);
+  CheckRange("prepare_evaluations", FLAGS_prepare_evaluations, 0.0, 9e18);
   CheckPositive("shear", FLAGS_shear);
   CheckRange("shear", FLAGS_shear, 0.0, 1.0);
   CheckRange("steps", FLAGS_steps, 1.0, 1e5);
@@ -788,6 +807,11 @@ Plan MakePlan() {
     setup.conditions += Format("; at most %lld evaluations",
                                static_cast<long long>(FLAGS_max_evaluations));
   }
+  if (any_near && FLAGS_prepare_evaluations > 0) {
+    setup.conditions +=
+        Format("; steps prepared in at most %lld evaluations",
+               static_cast<long long>(FLAGS_prepare_evaluations));
+  }
   if (!setup.paper.empty()) AddAssumptions(&plan);
   return plan;
 }
@@ -866,8 +890,12 @@ bool MakeStarts(const Plan& plan,
                  ? Format("_seed%llu", static_cast<unsigned long long>(seed))
                  : "") +
             "_shear_" + Neat(c.value) + (c.relative ? "x" : "");
-        for (ShearStep& step : preparation->Shear(
-                 base, name, seed, StrainOf(c), plan.setup.steps)) {
+        for (ShearStep& step : preparation->Shear(base,
+                                                  name,
+                                                  seed,
+                                                  StrainOf(c),
+                                                  plan.setup.steps,
+                                                  FLAGS_prepare_evaluations)) {
           Start& one = (*starts)[{c.id, seed, step.record.step}];
           one.packing = step.start;
           one.distance = distance;

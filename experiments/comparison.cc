@@ -1967,7 +1967,8 @@ std::string TablesText(const ComparisonSetup& setup,
             std::to_string(setup.repetitions) + " repetition" +
             (setup.repetitions == 1 ? "" : "s") + ", " +
             std::to_string(setup.seeds.size()) + " seed" +
-            (setup.seeds.size() == 1 ? "" : "s") + ".\n\n";
+            (setup.seeds.size() == 1 ? "" : "s") +
+            (setup.conditions.empty() ? "" : "; " + setup.conditions) + ".\n\n";
     for (const Method& method : setup.methods) {
       if (method.label == method.spec) continue;
       text += "- " + method.label + ": `" + method.spec + "`\n";

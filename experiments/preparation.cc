@@ -172,17 +172,26 @@ bool Preparation::NearJamming(std::uint64_t seed,
   return true;
 }
 
-Packing Preparation::MakeStep(const Packing& before, double strain) {
+Packing Preparation::MakeStep(const Packing& before,
+                              double strain,
+                              std::int64_t max_evaluations,
+                              bool* gave_up) {
+  *gave_up = false;
   const auto sheared = [&](const Packing& packing, double gamma) {
-    Packing result = packing;
-    result.Deform(SimpleShear(packing.dimension(), gamma));
-    return result;
+    Packing start = packing;
+    start.Deform(SimpleShear(packing.dimension(), gamma));
+    SolveOptions options = Options(kTolerance);
+    if (max_evaluations > 0) options.max_evaluations = max_evaluations;
+    Relaxation result;
+    std::string error;
+    if (!Relax(start, scene_.energy, solver_, options, &result, &error)) {
+      BadInput(scene_.origin + ": " + error);
+    }
+    *gave_up = *gave_up || result.summary.reason == StopReason::MAX_EVALUATIONS;
+    return Annotated(result, scene_.energy);
   };
-  Packing after = Minimized(sheared(before, strain), kTolerance, nullptr);
-  Packing halves = before;
-  for (int half = 0; half < 2; ++half) {
-    halves = Minimized(sheared(halves, 0.5 * strain), kTolerance, nullptr);
-  }
+  Packing after = sheared(before, strain);
+  const Packing halves = sheared(sheared(before, 0.5 * strain), 0.5 * strain);
   const Findings a = Examined(after, scene_.energy);
   const Findings b = Examined(halves, scene_.energy);
   const char* kind = kUndecided;
@@ -218,7 +227,8 @@ std::vector<ShearStep> Preparation::Shear(const Packing& base,
                                           const std::string& name,
                                           std::uint64_t seed,
                                           double strain,
-                                          int steps) {
+                                          int steps,
+                                          std::int64_t max_evaluations) {
   std::vector<ShearStep> chain;
   Packing before = base;
   const std::string origin = before.attributes["prepared"];
@@ -234,7 +244,12 @@ std::vector<ShearStep> Preparation::Shear(const Packing& base,
     const std::string recipe =
         Format("step %d of shear %.17g from: ", k, strain) + origin;
     Packing after;
-    if (Reuse(file, recipe, &after, /*note=*/false)) {
+    // Part of the recipe where it matters.
+    const std::string limited =
+        recipe + Format("; at most %lld evaluations",
+                        static_cast<long long>(max_evaluations));
+    if (Reuse(file, recipe, &after, /*note=*/false) ||
+        Reuse(file, limited, &after, /*note=*/false)) {
       ++used_again;
     } else {
       const double began = Now();
@@ -243,14 +258,14 @@ std::vector<ShearStep> Preparation::Shear(const Packing& base,
         stage_ += Format(" (%d of %d", done_steps_ + 1, expected_steps_);
         if (made_steps_ > 0) {
           stage_ += Format(
-              ", about %.0f s left",
+              ", %.0f s left at this rate",
               step_seconds_ / made_steps_ * (expected_steps_ - done_steps_));
         }
         stage_ += ")";
       }
-      after = MakeStep(before, strain);
-      Keep(file, recipe, after, /*note=*/false);
-      after.attributes["prepared"] = recipe;
+      bool gave_up = false;
+      after = MakeStep(before, strain, max_evaluations, &gave_up);
+      Keep(file, gave_up ? limited : recipe, after, /*note=*/false);
       step_seconds_ += Now() - began;
       ++made_steps_;
     }
@@ -288,7 +303,7 @@ std::vector<ShearStep> Preparation::Shear(const Packing& base,
     chain.push_back(std::move(step));
     before = std::move(after);
     state_before = state;
-    if (unjammed) {
+    if (unjammed || chain.back().record.minimum == "-") {
       done_steps_ += steps - k;  // there is nothing to be made of them
       break;
     }
@@ -297,9 +312,16 @@ std::vector<ShearStep> Preparation::Shear(const Packing& base,
   for (const auto& [kind, count] : kinds) {
     line += Format("%d %s, ", count, kind.c_str());
   }
-  line += Format("residual <= %.0e mean forces", residual);
+  if (residual > 0.0) {
+    line += Format("residual <= %.0e mean forces, ", residual);
+  }
+  line.resize(line.size() - 2);
   if (static_cast<int>(chain.size()) < steps) {
-    line += Format(", unjammed after %zu of %d", chain.size(), steps);
+    line += Format(
+        ", %s after %zu of %d",
+        chain.back().record.minimum == "-" ? "at no minimum" : "unjammed",
+        chain.size(),
+        steps);
   }
   if (used_again == static_cast<int>(chain.size())) line += " (used again)";
   lines_.push_back(line);

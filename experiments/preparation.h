@@ -71,13 +71,15 @@ class Preparation {
   // states: each deforms the state before by `strain` and relaxes it. `name`
   // tells its files from those of other chains:
   // OUT/prepared_<name>_step_<k>.xyz hold the relaxed states and what was found
-  // about their steps. A state that has become unjammed is the last one, since
-  // nothing after it is near jamming.
+  // about their steps. A relaxation gives up after `max_evaluations` (0:
+  // never). A state that has become unjammed or is at no minimum is the last
+  // one: nothing after it is a step near jamming.
   std::vector<ShearStep> Shear(const Packing& base,
                                const std::string& name,
                                std::uint64_t seed,
                                double strain,
-                               int steps);
+                               int steps,
+                               std::int64_t max_evaluations);
   // How many steps all calls of Shear() will ask for, for the progress line.
   void ExpectSteps(int steps) { expected_steps_ = steps; }
 
@@ -108,8 +110,11 @@ class Preparation {
             const Packing& packing,
             const char* remark);
 
-  // One step of a chain from `before`.
-  Packing MakeStep(const Packing& before, double strain);
+  // One step of a chain from `before`; `gave_up`: a relaxation did.
+  Packing MakeStep(const Packing& before,
+                   double strain,
+                   std::int64_t max_evaluations,
+                   bool* gave_up);
 
   SolveOptions Options(double tolerance);
   // `jammed` may be null.
