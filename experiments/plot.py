@@ -164,8 +164,9 @@ def ReadPacking(path):
                  (order, np.array([index[name] for name in names])))
 
 
-def ReadTable(path, required, words=()):
-  """Columns by name: arrays of numbers, lists of strings for those in `words`."""
+def ReadTable(path, required, words=(), optional=()):
+  """Columns by name: arrays of numbers, lists of strings for those in `words`. Ones
+  in `optional` that older files lack are not in the result."""
   try:
     rows = list(csv.reader(ReadText(path).splitlines()))
   except csv.Error as error:
@@ -176,6 +177,7 @@ def ReadTable(path, required, words=()):
   missing = [name for name in required if name not in names]
   if missing:
     raise InputError("%s:1: no column %s" % (path, ", ".join(missing)))
+  required = (*required, *(name for name in optional if name in names))
   at = {name: names.index(name) for name in required}
   table = {name: [] for name in required}
   for line, row in enumerate(rows[1:], 2):
@@ -945,8 +947,9 @@ def CaseTitle(case):
   elif name == "random":
     title = r"random displacements up to $%s\,L$" % Power(value)
   elif name == "near_jamming":
-    title = r"shear $\gamma = %s$ at $\phi - \phi_J = %s$" % (Power(value),
-                                                             Power(distance))
+    strain = value[:-1] + r"\,\Delta\phi" if value.endswith("x") else Power(value)
+    title = r"shear $\gamma = %s$ at $\Delta\phi = \phi - \phi_J = %s$" % (
+        strain, Power(distance))
   elif name == "start":
     title = "random start"
   elif name == "user":
@@ -972,8 +975,9 @@ def ComparisonAxes(rows):
 def MethodLegend(figure, styles, **properties):
   """Above everything, in as many lines as it takes."""
   names = list(styles)
+  room = 9 * figure.get_size_inches()[0]  # in characters
   columns = max([k for k in range(1, len(names) + 1) if k == 1 or sum(
-      max(len(name) for name in names[c::k]) + 7 for c in range(k)) <= 100])
+      max(len(name) for name in names[c::k]) + 7 for c in range(k)) <= room])
   handles = [Line2D([], [], color=colour, linestyle=dashes, linewidth=2.4,
                     marker=marker if properties.get("markers") else None,
                     markersize=6, label=name.replace("$", r"\$"))
@@ -1131,13 +1135,13 @@ def QuantilesOf(values):
 
 
 def WorkFigure(arguments):
-  """Medians over seeds and repetitions, bands of 20 to 80 %; a run that never got
+  """Medians over seeds, steps and repetitions, bands of 20 to 80 %; a run that never got
   to a residual counts as infinitely expensive, so curves end where half of them
   failed."""
   path = arguments.table
   table = ReadTable(path, ("case", "seed", "repetition", "solver", "kind", "level",
                            "evaluations", "cpu_seconds"),
-                    words=("case", "solver", "kind"))
+                    words=("case", "solver", "kind"), optional=("step",))
   if not table["case"]:
     raise InputError("%s: no rows" % path)
   levels = Levels(arguments)
@@ -1149,7 +1153,8 @@ def WorkFigure(arguments):
   figure, axes = ComparisonAxes(len(cases))
   for row, name in enumerate(cases):
     of_case = case == name
-    runs = len(set(zip(table["seed"][of_case], table["repetition"][of_case])))
+    runs = len(set(zip(*(table[key][of_case] for key in ("seed", "step", "repetition")
+                         if key in table))))
     curves = []
     for method in styles:
       chosen = of_case & (solver == method) & of_kind
@@ -1208,7 +1213,7 @@ def WorkFigure(arguments):
 
 def DistancesFigure(arguments):
   """A column for each strain. Filled: medians over the steps; light: the worst one.
-  In the strip above: how many steps failed; open: half of them did, at what the
+  In the strip above: how many steps failed, a line a method; open: half of them did, at what the
   median one had spent. Lines: least squares of the logarithm of the median against
   that of the distance, over the points of which no step ended unjammed; the others
   are pale."""
@@ -1247,9 +1252,11 @@ def DistancesFigure(arguments):
     values = np.concatenate([table[key] for key in
                              (name, name + "_worst", spent, spent + "_worst")])
     low, high = Span(values[np.isfinite(values) & (values > 0)])
-    # A strip for the failures.
-    failing = bool((table["failed"][table[spent + "_worst"] > 0] > 0).any())
-    strip = 0.13 * (high - low) if failing else 0.0
+    # A strip for the failures, in which each method that fails has its own line.
+    failing = [method for method in styles if
+               ((table["solver"] == method) & (table["failed"] > 0) &
+                (table[spent + "_worst"] > 0)).any()]
+    strip = 0.02 * (high - low) * (1.5 + 5 * len(failing)) if failing else 0.0
     for column, strain in enumerate(strains):
       ax = axes[row, column]
       here = ((table["relative"] == strain[0]) & (table["strain"] == strain[1]))
@@ -1267,7 +1274,9 @@ def DistancesFigure(arguments):
         pale = table["unjammed"][mine] > 0
         failed = table["failed"][mine]
         at = np.where(good, y, table[spent][mine])
-        top = np.where(np.isfinite(worst), worst, 10**(high + strip / 2))
+        above = (10**(high + strip * (1 - (failing.index(method) + 0.5) / len(failing)))
+                 if method in failing else np.inf)
+        top = np.where(np.isfinite(worst), worst, above)
         ax.vlines(x, at, top, color=colour, linewidth=0.9, alpha=0.35, zorder=2)
         seen = np.isfinite(worst) & (worst > y)
         ax.plot(x[seen], worst[seen], color=colour, linestyle="", marker=marker,
@@ -1278,8 +1287,9 @@ def DistancesFigure(arguments):
         ax.plot(x[~good], at[~good], color=colour, linestyle="", marker=marker,
                 markersize=7, markerfacecolor="white", markeredgewidth=1.4, zorder=4)
         for place, count in zip(x[failed > 0], failed[failed > 0]):
-          ax.text(place, 10**(high + strip / 2), "%d" % count, color=colour,
-                  fontsize=10, fontweight="bold", ha="center", va="center", zorder=5)
+          ax.text(place, above, "%d" % count, color=colour, fontsize=10,
+                  fontweight="bold", ha="center", va="center", zorder=5,
+                  bbox=dict(boxstyle="square,pad=0.1", facecolor=FOG, linewidth=0))
         some = good & ~pale
         text = "\u2013"
         if some.sum() > 2:
@@ -1337,11 +1347,12 @@ def DistancesFigure(arguments):
     words += "; pale, not in the fits: some end unjammed"
   if not np.isfinite(table["iterations"]).all():
     words += "; open: half of them fail"
-  figure.text(0.5, 0.16 / height, words, ha="center", va="bottom",
-              color=GREY, fontsize=10.5)
   FinishPanels(axes)
   figure.align_ylabels(axes[:, 0])
   MethodLegend(figure, styles, markers=True)
+  # In two lines where one is too short.
+  figure.text(0.5, 0.08 / height, words if columns > 1 else words.replace("; ", "\n", 1),
+              ha="center", va="bottom", color=GREY, fontsize=10.5)
   return figure
 
 
