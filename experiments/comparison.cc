@@ -1429,6 +1429,7 @@ StepRow MakeStepRow(const ComparisonSetup& setup,
       ++row.judged;
       row.same += run->minimum == reference.minimum ? 1 : 0;
     }
+    if (reference.minimum == "-") continue;
     const double size = std::max(run->energy, reference.energy);
     if ((run->minimum == "0" && reference.minimum == "0") || !(size > 0.0)) {
       continue;
@@ -1585,24 +1586,32 @@ std::string StepTablesText(const ComparisonSetup& setup,
     if (grids[key].empty()) keys.push_back(key);
     grids[key].push_back(&table);
   }
-  const auto total = [&grids](const Key& key) {
-    int sum = 0;
-    for (const StepTable* part : grids[key]) sum += part->steps;
-    return sum;
-  };
   std::string text;
   for (const Key& key : keys) {
-    const std::vector<const StepTable*>& parts = grids[key];
+    // After those that do not rearrange, all steps where there are others.
+    std::vector<const StepTable*> parts = grids[key];
+    const bool all = parts[0]->kind == "all";
+    Key other = key;
+    std::get<3>(other) = kNonRearranging;
+    const bool first = !all || grids.count(other) == 0;
+    if (!first) {
+      const auto same = [&](const StepTable* part) {
+        for (const StepTable* plain : grids[other]) {
+          if (plain->table_case.id == part->table_case.id) {
+            return plain->steps == part->steps;
+          }
+        }
+        return false;
+      };
+      parts.erase(std::remove_if(parts.begin(), parts.end(), same),
+                  parts.end());
+      if (parts.empty()) continue;
+    }
     const Case& c = parts[0]->table_case;
     const std::string strain =
         c.relative ? Neat(c.value) + " (phi - phi_J)" : Neat(c.value);
-    // If none rearranges, one grid says it.
-    Key other = key;
-    std::get<3>(other) = "all";
-    const bool all = parts[0]->kind == "all";
-    if (!all && total(other) == total(key)) continue;
-    std::get<3>(other) = kNonRearranging;
-    const bool none_rearranges = all && total(other) == total(key);
+    int total = 0;
+    for (const StepTable* part : parts) total += part->steps;
     bool any[3] = {false, false, false};
     constexpr const char* kOptional[3] = {"Hessians", "factors", "linear its"};
     const MedianWorst StepRow::*const optional[3] = {
@@ -1623,11 +1632,11 @@ std::string StepTablesText(const ComparisonSetup& setup,
         reference = reference || row.judged > 0 || !std::isnan(row.difference);
       }
     }
-    const std::string title = "shear steps of " + strain + ": " +
-                              Format("%d, ", total(key)) +
-                              (none_rearranges ? "none of which rearranges"
-                               : all           ? "rearranging or not"
-                                               : "those that do not rearrange");
+    const std::string title =
+        "shear steps of " + strain + ": " + Format("%d, ", total) +
+        (!all    ? "those that do not rearrange"
+         : first ? "rearranging or not"
+                 : "all at the distances where some rearrange or unjam");
     text += (markdown ? "## " : "\n") + title + "\n" + (markdown ? "\n" : "");
     text += (markdown ? "" : "  ") + ("until " + Meaning(parts[0]->level)) +
             "; median, worst in brackets\n" + (markdown ? "\n" : "");
@@ -1692,16 +1701,18 @@ std::string StepTablesText(const ComparisonSetup& setup,
                                                    kUndecided,
                                                    "ends apart",
                                                    "contacts",
-                                                   "changed"}};
+                                                   "changed",
+                                                   "pressure (least, most)"}};
     for (const Case& c : setup.cases) {
       std::map<std::string, int> count;
-      std::vector<double> apart, contacts, changed;
+      std::vector<double> apart, contacts, changed, pressure;
       for (const StepRecord& step : steps) {
         if (step.case_id != c.id) continue;
         ++count[step.kind];
         apart.push_back(step.apart);
         contacts.push_back(step.contacts);
         changed.push_back(step.contacts_changed);
+        pressure.push_back(step.pressure);
       }
       if (apart.empty()) continue;
       rows.push_back({c.id, std::to_string(apart.size())});
@@ -1715,6 +1726,11 @@ std::string StepTablesText(const ComparisonSetup& setup,
       rows.back().push_back(Count(Median(contacts)));
       rows.back().push_back(
           WithWorst(MedianAndWorst(changed), {kNan, kNan}, Count));
+      rows.back().push_back(
+          Format("%.1e (%.0e, %.0e)",
+                 Median(pressure),
+                 *std::min_element(pressure.begin(), pressure.end()),
+                 *std::max_element(pressure.begin(), pressure.end())));
     }
     text += Grid(rows, 0, markdown) + (markdown ? "\n" : "");
   }
@@ -1852,10 +1868,15 @@ std::string BasinsText(const ComparisonSetup& setup,
   // Kinds as columns, those that occur.
   std::vector<std::string> kinds;
   bool nowhere = false, unknown = false;
-  for (const BasinRow& row : rows) {
-    if (std::find(kinds.begin(), kinds.end(), row.kind) == kinds.end()) {
-      kinds.push_back(row.kind);
+  for (const char* kind :
+       {"all", kNonRearranging, kRearranging, kUnjammed, kUndecided}) {
+    for (const BasinRow& row : rows) {
+      if (row.kind != kind) continue;
+      kinds.push_back(kind);
+      break;
     }
+  }
+  for (const BasinRow& row : rows) {
     nowhere = nowhere || row.nowhere > 0;
     unknown = unknown || row.unknown > 0;
   }
