@@ -1751,8 +1751,10 @@ std::string StepTablesText(const ComparisonSetup& setup,
            "a step's time is the median of its repetitions; same minimum: as " +
                whose + ";",
            Format("E - E_ref: the largest, over the larger of the two; lower, "
-                  "higher: how many by more than %s",
-                  Neat(kEnergyDifference).c_str())}) {
+                  "higher: how many by more than %s;",
+                  Neat(kEnergyDifference).c_str()),
+           "pressure: at the ends of the steps; where it spreads, a chain has "
+           "left the distance at which it began."}) {
     text += (markdown ? "" : "  ") + line + "\n";
   }
   if (markdown) text += "\n";
