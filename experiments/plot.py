@@ -1135,8 +1135,8 @@ def QuantilesOf(values):
 
 
 def WorkFigure(arguments):
-  """Medians over seeds, steps and repetitions, bands of 20 to 80 %; a run that never got
-  to a residual counts as infinitely expensive, so curves end where half of them
+  """Medians over seeds, steps and repetitions, bands of 20 to 80 %; a run that never
+  got to a residual counts as infinitely expensive, so curves end where half of them
   failed."""
   path = arguments.table
   table = ReadTable(path, ("case", "seed", "repetition", "solver", "kind", "level",
@@ -1213,10 +1213,10 @@ def WorkFigure(arguments):
 
 def DistancesFigure(arguments):
   """A column for each strain. Filled: medians over the steps; light: the worst one.
-  In the strip above: how many steps failed, a line a method; open: half of them did, at what the
-  median one had spent. Lines: least squares of the logarithm of the median against
-  that of the distance, over the points of which no step ended unjammed; the others
-  are pale."""
+  In the strip above: how many steps failed, a line a method; open: half of them
+  did, at what the median one had spent. Lines: least squares of the logarithm of
+  the median against that of the distance, over the points of which no step ended
+  unjammed; the others are pale."""
   path = arguments.table
   quantities = (("iterations", "iterations", "spent_iterations"),
                 ("factorizations", "factorizations", "spent_factorizations"),
