@@ -3,13 +3,18 @@
 //   compare --solvers="label@spec;spec;..." --cases=growth,simple_shear,random
 //           --input=F.xyz | --particles=N --phi=P --seeds=1-3
 //           --repetitions=3 --tolerance=1e-10 | --paper=table1|fig2
-//           --out=DIR
+//           --out=DIR [--resume]
+//   compare --cases=near_jamming=1e-6,near_jamming=0.3x --steps=10
+//           --reference=LABEL ...
 //   compare --replot=DIR
 //
-// Raw events first (events.csv, runs.csv, curves.csv), then tables and figures
-// from these alone, which --replot makes again. Times are CPU seconds of
+// Raw events first (events.csv, runs.csv, curves.csv; steps.csv of chains of
+// shear steps), then tables and figures from these alone, which --replot makes
+// again. Times are CPU seconds of
 // Minimize() alone; preparing the packings and measuring the results is not in
 // them.
+
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <cmath>
@@ -19,6 +24,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -42,8 +48,8 @@ DEFINE_string(
     cases,
     "growth,simple_shear,random",
     "what is relaxed, separated by commas: growth, simple_shear, "
-    "pure_shear, random, fig2, near_jamming, start, user; with a size "
-    "as in growth=5e-5");
+    "pure_shear, random, fig2, near_jamming, start, user; with a size as in "
+    "growth=5e-5; near_jamming=0.3x is a strain of 0.3 (phi - phi_J)");
 DEFINE_double(phi, 0.8438, "packing fraction of generated packings");
 DEFINE_string(seeds, "", "seeds as in 1-3 or 1,4,7; default: --seed");
 DEFINE_int32(repetitions, 3, "how often each run is repeated, for its time");
@@ -59,9 +65,26 @@ DEFINE_string(distances,
               "1e-2,1e-3,1e-4,1e-5,1e-6,1e-7,1e-8",
               "distances phi - phi_J of the case near_jamming");
 DEFINE_double(shear, 1e-6, "shear step of the case near_jamming");
+DEFINE_int32(steps,
+             1,
+             "shear steps of the case near_jamming, one after another: each "
+             "starts from the state before, relaxed by --prepare_solver");
 DEFINE_string(prepare_solver,
               granopt::kDefaultSolver,
               "the method that relaxes the packings before the loads");
+DEFINE_int64(
+    prepare_evaluations,
+    1000000,
+    "a relaxation of these steps gives up after this many evaluations, "
+    "which ends their chain (0: never)");
+DEFINE_string(reference,
+              "",
+              "label of the method whose minima the others' are compared with: "
+              "who leaves its basin, how often");
+DEFINE_bool(resume,
+            false,
+            "go on with an interrupted comparison in --out: what it has run is "
+            "not run again");
 DEFINE_string(baseline,
               "",
               "label of the method that times are divided by; default: the "
@@ -128,10 +151,12 @@ void AddPictures(int cases, std::vector<std::string>* names) {
     add(page == 1 ? "work" : Format("work_%d", page));
   }
   add("distances");
+  add("distances_non_rearranging");
 }
 
 // `data`: the folder of the raw files; figures go to the folder of `output`.
 void Draw(const ComparisonSetup& setup,
+          const std::vector<StepTable>& steps,
           const std::string& data,
           Output* output) {
   std::vector<std::string> levels;
@@ -164,17 +189,36 @@ void Draw(const ComparisonSetup& setup,
       }
     }
   }
-  int near = 0;
-  for (const Case& c : setup.cases) near += c.kind == "near_jamming";
-  if (near > 1) {
-    draw("distances",
-         {"distances", output->Path("tables.csv"), output->Path("distances")});
+  // Against the distance, where there are two.
+  std::set<double> all, plain;
+  for (const StepTable& table : steps) {
+    (table.kind == "all" ? all : plain).insert(table.table_case.distance);
   }
+  const std::string table = output->Path("step_tables.csv");
+  if (all.size() > 1) {
+    draw("distances",
+         {"distances", table, output->Path("distances"), "--steps=all"});
+  }
+  if (plain.size() > 1) {
+    const std::string name = "distances_non_rearranging";
+    draw(name,
+         {"distances",
+          table,
+          output->Path(name),
+          std::string("--steps=") + kNonRearranging});
+  }
+}
+
+bool Exists(const std::string& path) {
+  struct stat status;
+  return stat(path.c_str(), &status) == 0;
 }
 
 struct Raw {
   std::vector<Event> events;
   std::vector<RunRecord> runs;
+  std::vector<StepRecord> steps;  // empty without chains
+  std::vector<CurveRow> curves;   // read by --resume only
 };
 
 Raw ReadRaw(const std::string& data) {
@@ -184,6 +228,11 @@ Raw ReadRaw(const std::string& data) {
       !ParseEvents(text, data + "/events.csv", &raw.events, &error) ||
       !ReadFile(data + "/runs.csv", &text, &error) ||
       !ParseRuns(text, data + "/runs.csv", &raw.runs, &error)) {
+    BadInput(error);
+  }
+  if (Exists(data + "/steps.csv") &&
+      (!ReadFile(data + "/steps.csv", &text, &error) ||
+       !ParseSteps(text, data + "/steps.csv", &raw.steps, &error))) {
     BadInput(error);
   }
   return raw;
@@ -197,10 +246,20 @@ std::vector<Table> Report(const ComparisonSetup& setup,
                           Output* output) {
   const std::vector<RunRecord>& runs = raw.runs;
   const std::vector<Table> tables = Tabulate(setup, raw.events, runs);
+  const std::vector<StepTable> steps =
+      TabulateSteps(setup, raw.events, runs, raw.steps);
+  const std::vector<BasinRow> basins = TabulateBasins(setup, runs, raw.steps);
+  const auto text = [&](bool markdown) {
+    return TablesText(setup, tables, runs, markdown) + (markdown ? "\n" : "") +
+           StepTablesText(setup, steps, raw.steps, markdown) +
+           BasinsText(setup, basins, markdown);
+  };
   output->Write("tables.csv", TablesCsv(tables));
-  output->Write("tables.md", TablesText(setup, tables, runs, true));
-  std::fputs(TablesText(setup, tables, runs, false).c_str(), stdout);
-  Draw(setup, data, output);
+  if (!steps.empty()) output->Write("step_tables.csv", StepTablesCsv(steps));
+  if (!basins.empty()) output->Write("basins.csv", BasinsCsv(basins));
+  output->Write("tables.md", text(true));
+  std::fputs(text(false).c_str(), stdout);
+  Draw(setup, steps, data, output);
   int converged = 0;
   for (const RunRecord& run : runs) converged += run.converged ? 1 : 0;
   std::printf("\n%d of %zu runs converged\n", converged, runs.size());
@@ -217,21 +276,28 @@ bool GivenLevel(Level* level) {
   return IsGiven("tolerance");
 }
 
-void SetBaseline(ComparisonSetup* setup) {
-  if (!IsGiven("baseline")) {
-    if (setup->baseline.empty()) setup->baseline = setup->methods[0].label;
-    return;
-  }
+// The label that a flag names, by itself or by its spec.
+std::string LabelOf(const ComparisonSetup& setup,
+                    const char* flag,
+                    const std::string& value) {
   std::string known;
-  for (const Method& method : setup->methods) {
-    if (method.label == FLAGS_baseline || method.spec == FLAGS_baseline) {
-      setup->baseline = method.label;
-      return;
-    }
+  for (const Method& method : setup.methods) {
+    if (method.label == value || method.spec == value) return method.label;
     known += (known.empty() ? "" : "; ") + method.label;
   }
-  BadInput("--baseline: no method is labelled '" + FLAGS_baseline +
+  BadInput(std::string("--") + flag + ": no method is labelled '" + value +
            "'; there are " + known);
+}
+
+void SetBaselineAndReference(ComparisonSetup* setup) {
+  if (IsGiven("baseline")) {
+    setup->baseline = LabelOf(*setup, "baseline", FLAGS_baseline);
+  } else if (setup->baseline.empty()) {
+    setup->baseline = setup->methods[0].label;
+  }
+  if (IsGiven("reference")) {
+    setup->reference = LabelOf(*setup, "reference", FLAGS_reference);
+  }
 }
 
 int Replot() {
@@ -245,8 +311,11 @@ int Replot() {
                            "max_evaluations",
                            "shear",
                            "distances",
+                           "steps",
+                           "resume",
                            "paper",
                            "prepare_solver",
+                           "prepare_evaluations",
                            "input",
                            "particles",
                            "dimension",
@@ -279,9 +348,10 @@ int Replot() {
     }
     setup.levels = {level};
   }
-  SetBaseline(&setup);
+  SetBaselineAndReference(&setup);
   const Raw raw = ReadRaw(data);
-  std::vector<std::string> names = {"tables.csv", "tables.md"};
+  std::vector<std::string> names = {
+      "tables.csv", "tables.md", "step_tables.csv", "basins.csv"};
   AddPictures(kMostCases, &names);
   Output output;
   output.Create(IsGiven("out") ? FLAGS_out : data, names);
@@ -297,6 +367,8 @@ int Replot() {
 struct Start {
   Packing packing;
   double distance = 0.0;
+  // Of a shear step near jamming: where it was prepared to end.
+  std::unique_ptr<ShearStep> step;
 };
 
 Load LoadOf(const Case& c) {
@@ -304,7 +376,7 @@ Load LoadOf(const Case& c) {
   if (c.kind == "growth" || c.kind == "fig2") {
     load.radius_factor = 1.0 + c.value;
   } else if (c.kind == "simple_shear" || c.kind == "near_jamming") {
-    load.simple_shear = c.value;
+    load.simple_shear = c.kind == "near_jamming" ? StrainOf(c) : c.value;
   } else if (c.kind == "pure_shear") {
     load.pure_shear = c.value;
   } else if (c.kind == "random") {
@@ -320,13 +392,61 @@ std::vector<std::uint64_t> SeedsOf(const ComparisonSetup& setup,
   return {setup.seeds[0]};
 }
 
+// A packing that all methods run on: case, seed, step.
+using Place = std::tuple<std::string, std::uint64_t, int>;
+using Starts = std::map<Place, Start>;
+
+Place PlaceOf(const RunKey& key) { return {key.case_id, key.seed, key.step}; }
+
 struct Records {
   std::vector<Event> events;
   std::vector<RunRecord> runs;
   std::vector<CurveRow> curves;
-  // Of each case and seed.
-  std::map<std::pair<std::string, std::uint64_t>, Minima> minima;
+  std::map<Place, Minima> minima;
+  // --resume: energy and minimum of runs whose ends are no longer known.
+  std::map<std::pair<Place, std::string>, std::pair<double, std::string>> ends;
 };
+
+// The minimum that a run ended in. Repetitions end where the first did.
+std::string MinimumOf(const RunKey& key,
+                      const Start& start,
+                      const Observables& o,
+                      double residual,
+                      double vanishing,
+                      const std::vector<double>& displacements,
+                      Records* records) {
+  const auto known = records->ends.find({PlaceOf(key), key.label});
+  if (known != records->ends.end() && known->second.first == o.energy) {
+    return known->second.second;
+  }
+  const auto [found, is_new] =
+      records->minima.try_emplace(PlaceOf(key), Minima());
+  if (is_new) {
+    // The state as prepared is the first one.
+    if (start.step != nullptr) {
+      const ShearStep& step = *start.step;
+      found->second.Tag(step.energy,
+                        step.residual,
+                        step.vanishing,
+                        step.mean_overlap,
+                        step.displacements,
+                        step.is_rattler);
+    }
+    std::set<std::string> letters;
+    for (const auto& [place, end] : records->ends) {
+      if (place.first == PlaceOf(key)) letters.insert(end.second);
+    }
+    if (!letters.empty()) {
+      found->second.Reserve(static_cast<int>(letters.size()) + 1);
+    }
+  }
+  return found->second.Tag(o.energy,
+                           residual,
+                           vanishing,
+                           o.mean_overlap,
+                           displacements,
+                           o.is_rattler);
+}
 
 // CPU seconds at a wall time, linear between the moments when both were read.
 double Interpolate(const std::vector<std::pair<double, double>>& knots,
@@ -358,8 +478,8 @@ void RunOne(const RunKey& key,
   if (FLAGS_max_evaluations > 0) {
     options.max_evaluations = FLAGS_max_evaluations;
   }
-  // Repetitions differ by their times only.
-  const bool curve = key.repetition == 1;
+  // Repetitions differ by their times only; of a chain the first step will do.
+  const bool curve = key.repetition == 1 && key.step == 1;
   options.record_trace = curve;
 
   std::string error;
@@ -437,12 +557,13 @@ void RunOne(const RunKey& key,
   run.pressure = o.pressure;
   run.phi = o.packing_fraction;
   run.rattlers = o.rattlers;
-  run.minimum = records->minima[{key.case_id, key.seed}].Tag(o.energy,
-                                                             judge.Relative(),
-                                                             s.scales.vanishing,
-                                                             o.mean_overlap,
-                                                             displacements,
-                                                             o.is_rattler);
+  run.minimum = MinimumOf(key,
+                          start,
+                          o,
+                          judge.Relative(),
+                          s.scales.vanishing,
+                          displacements,
+                          records);
   run.distance = start.distance;
   run.list_builds = result.list_builds;
   run.restarts = s.counters.restarts;
@@ -597,8 +718,10 @@ Plan MakePlan() {
   CheckRange("absolute_tolerance", FLAGS_absolute_tolerance, 0.0, 1e300);
   CheckRange("max_seconds", FLAGS_max_seconds, 0.0, 1e300);
   CheckRange("max_evaluations", FLAGS_max_evaluations, 0.0, 9e18);
+  CheckRange("prepare_evaluations", FLAGS_prepare_evaluations, 0.0, 9e18);
   CheckPositive("shear", FLAGS_shear);
   CheckRange("shear", FLAGS_shear, 0.0, 1.0);
+  CheckRange("steps", FLAGS_steps, 1.0, 1e5);
   ApplyPreset(&plan);
   CheckRange("repetitions", FLAGS_repetitions, 1.0, 1e6);
   setup.repetitions = FLAGS_repetitions;
@@ -622,10 +745,10 @@ Plan MakePlan() {
   if (IsGiven("seeds")) {
     require(ParseSeeds(FLAGS_seeds, &setup.seeds, &error), "seeds");
   }
-  SetBaseline(&setup);
+  SetBaselineAndReference(&setup);
 
   plan.phi = plan.phi_fig2 = FLAGS_phi;
-  bool all_fig2 = true;
+  bool all_fig2 = true, any_near = false;
   for (const Case& c : setup.cases) {
     if (c.kind == "user" && FLAGS_input.empty()) {
       BadInput("--cases: user is the packing of --input, which is not given");
@@ -634,13 +757,20 @@ Plan MakePlan() {
       BadInput("--cases: start is a random start and cannot go with --input");
     }
     all_fig2 = all_fig2 && c.kind == "fig2";
+    any_near = any_near || c.kind == "near_jamming";
     if (c.kind == "fig2" && FLAGS_input.empty() && !IsGiven("phi")) {
       if (FLAGS_dimension != 2) BadInput("--cases: fig2 in 3D needs --phi");
       plan.phi_fig2 = kFig2Phi;
     }
+  }
+  if (IsGiven("steps") && !any_near) {
+    BadInput("--steps is of the case near_jamming, which --cases lacks");
+  }
+  setup.steps = any_near ? FLAGS_steps : 1;
+  for (const Case& c : setup.cases) {
     plan.runs +=
         static_cast<int>(SeedsOf(setup, c).size() * setup.methods.size()) *
-        setup.repetitions;
+        setup.repetitions * (c.kind == "near_jamming" ? setup.steps : 1);
   }
   if (all_fig2) plan.phi = plan.phi_fig2;
 
@@ -666,6 +796,22 @@ Plan MakePlan() {
                             FLAGS_input.c_str(),
                             packing.PackingFraction(),
                             plan.scene.energy.alpha);
+  setup.conditions =
+      "prepared by " + plan.prepare->name() +
+      Format("; zero pressure %s", Neat(FLAGS_zero_pressure).c_str());
+  if (FLAGS_max_seconds > 0.0) {
+    setup.conditions +=
+        Format("; at most %s s", Neat(FLAGS_max_seconds).c_str());
+  }
+  if (FLAGS_max_evaluations > 0) {
+    setup.conditions += Format("; at most %lld evaluations",
+                               static_cast<long long>(FLAGS_max_evaluations));
+  }
+  if (any_near && FLAGS_prepare_evaluations > 0) {
+    setup.conditions +=
+        Format("; steps prepared in at most %lld evaluations",
+               static_cast<long long>(FLAGS_prepare_evaluations));
+  }
   if (!setup.paper.empty()) AddAssumptions(&plan);
   return plan;
 }
@@ -694,27 +840,33 @@ void PrintPlan(const Plan& plan) {
     return Format("%zu %s%s", count, what, count == 1 ? "" : "s");
   };
   std::printf(
-      "runs      %d: %s x %s x %s x %s; a repetition\n"
+      "runs      %d: %s x %s x %s%s x %s; a repetition\n"
       "          runs all methods on a packing before the next one and "
       "begins with another method\n",
       plan.runs,
       some(setup.methods.size(), "method").c_str(),
       some(setup.cases.size(), "case").c_str(),
       some(setup.seeds.size(), "seed").c_str(),
+      setup.steps > 1 ? (" x " + some(setup.steps, "step")).c_str() : "",
       some(setup.repetitions, "repetition").c_str());
   std::fflush(stdout);
 }
 
 // ---------------------------------------------------------------- the binary
 
-using Starts = std::map<std::pair<std::string, std::uint64_t>, Start>;
-
-// By case and seed. False, with one line in `error`, if a state near jamming
-// cannot be made.
+// False, with one line in `error`, if a state near jamming cannot be made.
 bool MakeStarts(const Plan& plan,
                 Preparation* preparation,
                 Starts* starts,
+                std::vector<StepRecord>* steps,
                 std::string* error) {
+  int expected = 0;
+  for (const Case& c : plan.setup.cases) {
+    if (c.kind != "near_jamming") continue;
+    expected +=
+        static_cast<int>(SeedsOf(plan.setup, c).size()) * plan.setup.steps;
+  }
+  preparation->ExpectSteps(expected);
   for (const std::uint64_t seed : plan.setup.seeds) {
     std::vector<Packing> near;
     for (const Case& c : plan.setup.cases) {
@@ -728,10 +880,31 @@ bool MakeStarts(const Plan& plan,
         }
         const auto at =
             std::find(plan.distances.begin(), plan.distances.end(), c.distance);
-        start.packing = near[at - plan.distances.begin()];
-        start.distance =
-            start.packing.PackingFraction() -
-            std::strtod(start.packing.attributes["phi_j"].c_str(), nullptr);
+        const Packing& base = near[at - plan.distances.begin()];
+        const double distance =
+            base.PackingFraction() -
+            std::strtod(base.attributes.at("phi_j").c_str(), nullptr);
+        const std::string name =
+            "near_jamming_" + Neat(c.distance) +
+            (FLAGS_input.empty()
+                 ? Format("_seed%llu", static_cast<unsigned long long>(seed))
+                 : "") +
+            "_shear_" + Neat(c.value) + (c.relative ? "x" : "");
+        for (ShearStep& step : preparation->Shear(base,
+                                                  name,
+                                                  seed,
+                                                  StrainOf(c),
+                                                  plan.setup.steps,
+                                                  FLAGS_prepare_evaluations)) {
+          Start& one = (*starts)[{c.id, seed, step.record.step}];
+          one.packing = step.start;
+          one.distance = distance;
+          step.record.case_id = c.id;
+          steps->push_back(step.record);
+          one.step = std::make_unique<ShearStep>(std::move(step));
+          one.step->start = Packing();
+        }
+        continue;
       } else if (c.kind == "fig2") {
         start.packing = preparation->Compressed(seed, plan.phi_fig2);
       } else if (c.kind == "start") {
@@ -740,7 +913,7 @@ bool MakeStarts(const Plan& plan,
         start.packing = preparation->Relaxed(seed);
       }
       ApplyLoad(LoadOf(c), seed, &start.packing);
-      (*starts)[{c.id, seed}] = std::move(start);
+      (*starts)[{c.id, seed, 1}] = std::move(start);
     }
   }
   return true;
@@ -749,13 +922,12 @@ bool MakeStarts(const Plan& plan,
 // Seconds that the runs from `done` on will take, from those before.
 class Estimate {
  public:
-  explicit Estimate(const Plan& plan) : plan_(plan) {}
+  // `starts`: all that will be run.
+  Estimate(const Plan& plan, const Starts& starts)
+      : plan_(plan), starts_(starts) {}
 
-  void Add(const std::string& id,
-           std::uint64_t seed,
-           int method,
-           double seconds) {
-    known_[{id, seed, method}] = seconds;
+  void Add(const Place& place, int method, double seconds) {
+    known_[{place, method}] = seconds;
     auto& [sum, count] = by_method_[method];
     sum += seconds;
     ++count;
@@ -764,37 +936,67 @@ class Estimate {
   }
 
   double Left() const {
-    if (known_.size() * plan_.setup.repetitions ==
-        static_cast<std::size_t>(plan_.runs)) {
-      return total_ / done_ * (plan_.runs - done_);
+    const std::size_t instances = starts_.size() * plan_.solvers.size();
+    if (known_.size() == instances) {
+      return total_ / done_ * (Runs() - done_);
     }
     // The first repetition: a method is as slow in other cases as so far.
     double left = -total_;
-    for (const Case& c : plan_.setup.cases) {
-      for (const std::uint64_t seed : SeedsOf(plan_.setup, c)) {
-        for (int m = 0; m < static_cast<int>(plan_.solvers.size()); ++m) {
-          const auto found = known_.find({c.id, seed, m});
-          const auto method = by_method_.find(m);
-          left += plan_.setup.repetitions *
-                  (found != known_.end() ? found->second
-                   : method != by_method_.end()
-                       ? method->second.first / method->second.second
-                       : total_ / done_);
-        }
+    for (const auto& [place, start] : starts_) {
+      for (int m = 0; m < static_cast<int>(plan_.solvers.size()); ++m) {
+        const auto found = known_.find({place, m});
+        const auto method = by_method_.find(m);
+        left += plan_.setup.repetitions *
+                (found != known_.end() ? found->second
+                 : method != by_method_.end()
+                     ? method->second.first / method->second.second
+                     : total_ / done_);
       }
     }
     return left;
   }
 
   int done() const { return done_; }
+  int Runs() const {
+    return static_cast<int>(starts_.size() * plan_.solvers.size()) *
+           plan_.setup.repetitions;
+  }
 
  private:
   const Plan& plan_;
-  std::map<std::tuple<std::string, std::uint64_t, int>, double> known_;
+  const Starts& starts_;
+  std::map<std::pair<Place, int>, double> known_;
   std::map<int, std::pair<double, int>> by_method_;
   double total_ = 0.0;
   int done_ = 0;
 };
+
+// Takes up what an interrupted comparison has left in `raw`: blocks (repetition
+// and packing) in which every method has run. What else is there is run again.
+void TakeUp(const Plan& plan, Raw raw, Records* records) {
+  using Block = std::pair<Place, int>;
+  std::map<Block, std::size_t> size;
+  for (const RunRecord& run : raw.runs) {
+    ++size[{PlaceOf(run.key), run.key.repetition}];
+  }
+  const auto complete = [&](const RunKey& key) {
+    return size[{PlaceOf(key), key.repetition}] == plan.solvers.size();
+  };
+  for (Event& event : raw.events) {
+    if (complete(event.key)) records->events.push_back(std::move(event));
+  }
+  for (RunRecord& run : raw.runs) {
+    if (!complete(run.key)) continue;
+    records->ends[{PlaceOf(run.key), run.key.label}] = {run.energy,
+                                                        run.minimum};
+    records->runs.push_back(std::move(run));
+  }
+  for (CurveRow& row : raw.curves) {
+    if (size[{Place(row.case_id, row.seed, 1), 1}] == plan.solvers.size()) {
+      records->curves.push_back(std::move(row));
+    }
+  }
+}
 
 void RunAll(const Plan& plan,
             const Starts& starts,
@@ -802,51 +1004,74 @@ void RunAll(const Plan& plan,
             Records* records) {
   const ComparisonSetup& setup = plan.setup;
   Progress progress;
-  Estimate estimate(plan);
+  Estimate estimate(plan, starts);
   const double began = WallSeconds();
   double written = began;
+  // Runs last: what they name is in the other two files.
   const auto write = [&] {
     output->Write("events.csv", EventsCsv(records->events));
-    output->Write("runs.csv", RunsCsv(records->runs));
     output->Write("curves.csv", CurvesCsv(records->curves));
+    output->Write("runs.csv", RunsCsv(records->runs));
+  };
+  std::set<std::pair<Place, int>> done;
+  for (const RunRecord& run : records->runs) {
+    done.insert({PlaceOf(run.key), run.key.repetition});
+    for (int m = 0; m < static_cast<int>(plan.solvers.size()); ++m) {
+      if (setup.methods[m].label == run.key.label) {
+        estimate.Add(PlaceOf(run.key), m, run.seconds);
+      }
+    }
+  }
+  const auto run_block = [&](const Place& place, int r) {
+    const auto& [id, seed, step] = place;
+    int position = 0;
+    for (const int m :
+         MethodOrder(static_cast<int>(plan.solvers.size()), r + step - 1)) {
+      const Method& method = setup.methods[m];
+      const double run_began = WallSeconds();
+      const std::string what =
+          id + (setup.steps > 1 ? Format(", step %d", step) : "");
+      const auto show = [&](const IterationState& state) {
+        if (!progress.Due()) return;
+        progress.Show(
+            Format("run %d of %d, %.0f s gone%s | %s, %s, iteration %lld: "
+                   "|g| / mean force %.1e",
+                   estimate.done() + 1,
+                   estimate.Runs(),
+                   WallSeconds() - began,
+                   estimate.done() > 0
+                       ? Format(", about %.0f s left", estimate.Left()).c_str()
+                       : "",
+                   what.c_str(),
+                   method.label.c_str(),
+                   static_cast<long long>(state.counters.iterations),
+                   state.scales.gradient > 0.0
+                       ? state.max_gradient / state.scales.gradient
+                       : 0.0));
+      };
+      RunOne({id, seed, r + 1, method.label, method.spec, step},
+             ++position,
+             starts.at(place),
+             plan.scene.energy,
+             *plan.solvers[m],
+             setup,
+             show,
+             records);
+      estimate.Add(place, m, WallSeconds() - run_began);
+    }
   };
   for (int r = 0; r < setup.repetitions; ++r) {
     for (const Case& c : setup.cases) {
       for (const std::uint64_t seed : SeedsOf(setup, c)) {
-        int position = 0;
-        for (const int m :
-             MethodOrder(static_cast<int>(plan.solvers.size()), r)) {
-          const Method& method = setup.methods[m];
-          const double run_began = WallSeconds();
-          const auto show = [&](const IterationState& state) {
-            if (!progress.Due()) return;
-            progress.Show(Format(
-                "run %d of %d, %.0f s gone%s | %s, %s, iteration %lld: "
-                "|g| / mean force %.1e",
-                estimate.done() + 1,
-                plan.runs,
-                WallSeconds() - began,
-                estimate.done() > 0
-                    ? Format(", about %.0f s left", estimate.Left()).c_str()
-                    : "",
-                c.id.c_str(),
-                method.label.c_str(),
-                static_cast<long long>(state.counters.iterations),
-                state.scales.gradient > 0.0
-                    ? state.max_gradient / state.scales.gradient
-                    : 0.0));
-          };
-          RunOne({c.id, seed, r + 1, method.label, method.spec},
-                 ++position,
-                 starts.at({c.id, seed}),
-                 plan.scene.energy,
-                 *plan.solvers[m],
-                 setup,
-                 show,
-                 records);
+        for (int step = 1; step <= setup.steps; ++step) {
+          const Place place(c.id, seed, step);
+          // A chain may end early, other cases have one step.
+          if (starts.count(place) == 0 || done.count({place, r + 1}) > 0) {
+            continue;
+          }
+          run_block(place, r);
+          // What is on disk is never old, and of whole blocks.
           const double now = WallSeconds();
-          estimate.Add(c.id, seed, m, now - run_began);
-          // What is on disk is never old.
           if (now - written > 10.0) {
             write();
             written = now;
@@ -902,6 +1127,29 @@ Json SummaryJson(const Plan& plan,
   return json;
 }
 
+// What is in --out of an interrupted comparison; false if nothing. BadInput if
+// it was another one.
+bool ReadInterrupted(const Plan& plan, Raw* raw) {
+  const std::string setup = FLAGS_out + "/setup.json";
+  std::string text, error;
+  if (!Exists(setup)) return false;
+  if (!ReadFile(setup, &text, &error)) BadInput("--resume: " + error);
+  if (text != FormatSetup(plan.setup)) {
+    BadInput("--resume: " + setup +
+             " is of a comparison with other flags; give the same ones, or "
+             "another --out");
+  }
+  // Written in this order.
+  if (!Exists(FLAGS_out + "/runs.csv")) return true;
+  *raw = ReadRaw(FLAGS_out);
+  const std::string curves = FLAGS_out + "/curves.csv";
+  if (!ReadFile(curves, &text, &error) ||
+      !ParseCurves(text, curves, &raw->curves, &error)) {
+    BadInput("--resume: " + error);
+  }
+  return true;
+}
+
 int Main() {
   ListSolversIfAsked();
   if (IsGiven("replot")) {
@@ -909,13 +1157,19 @@ int Main() {
     return Replot();
   }
   const Plan plan = MakePlan();
-  std::vector<std::string> names = {"setup.json",
-                                    "events.csv",
-                                    "runs.csv",
-                                    "curves.csv",
-                                    "tables.csv",
+  Raw before;
+  const bool resumed = FLAGS_resume && ReadInterrupted(plan, &before);
+  std::vector<std::string> names = {"tables.csv",
                                     "tables.md",
+                                    "step_tables.csv",
+                                    "basins.csv",
                                     "summary.json"};
+  if (!resumed) {
+    for (const char* raw :
+         {"setup.json", "events.csv", "runs.csv", "curves.csv", "steps.csv"}) {
+      names.push_back(raw);
+    }
+  }
   AddPictures(kMostCases, &names);
   Output output;
   output.Create(FLAGS_out, names);
@@ -924,8 +1178,9 @@ int Main() {
 
   Preparation preparation(plan.scene, *plan.prepare, plan.phi, &output);
   Starts starts;
+  std::vector<StepRecord> steps;
   std::string error;
-  if (!MakeStarts(plan, &preparation, &starts, &error)) {
+  if (!MakeStarts(plan, &preparation, &starts, &steps, &error)) {
     preparation.ClearProgress();
     std::fprintf(stderr, "compare: near_jamming: %s\n", error.c_str());
     return kNotConverged;
@@ -943,7 +1198,13 @@ int Main() {
   }
   std::fflush(stdout);
 
+  if (!steps.empty()) output.Write("steps.csv", StepsCsv(steps));
   Records records;
+  if (FLAGS_resume) {
+    TakeUp(plan, std::move(before), &records);
+    std::printf("resumed   %zu runs were there\n", records.runs.size());
+    std::fflush(stdout);
+  }
   RunAll(plan, starts, &output, &records);
   const std::vector<Table> tables =
       Report(plan.setup, output.folder(), ReadRaw(output.folder()), &output);

@@ -9,6 +9,7 @@
 #ifndef GRANOPT_EXPERIMENTS_COMPARISON_H_
 #define GRANOPT_EXPERIMENTS_COMPARISON_H_
 
+#include <algorithm>
 #include <cstdint>
 #include <string>
 #include <utility>
@@ -42,11 +43,16 @@ struct Case {
   std::string kind;
   double value = 0.0;
   double distance = 0.0;  // near_jamming: asked for
+  // near_jamming=0.3x: the strain is `value` times the distance.
+  bool relative = false;
 };
+// Shear strain of the case near_jamming.
+double StrainOf(const Case& c);
 
-// "growth,random=1e-4,near_jamming=1e-6"; the last becomes one case for each of
-// `distances`, in their order. A kind without its value gets the default one,
-// `shear` for near_jamming.
+// "growth,random=1e-4,near_jamming=1e-6,near_jamming=0.3x"; near_jamming
+// becomes one case for each of `distances`, in their order, its strain a number
+// or, with an x, a multiple of the distance. A kind without its value gets the
+// default one, `shear` for near_jamming.
 bool ParseCases(const std::string& text,
                 const std::vector<double>& distances,
                 double shear,
@@ -89,9 +95,15 @@ struct ComparisonSetup {
   std::vector<Method> methods;
   std::vector<std::uint64_t> seeds;
   int repetitions = 0;
+  int steps = 1;  // of each chain of the case near_jamming
   // The first is where runs stop; the others are reported from the same runs.
   std::vector<Level> levels;
   std::string baseline;  // a label
+  // The label of the method whose minima the others' are compared with; "": in
+  // the case near_jamming with the states as prepared.
+  std::string reference;
+  // What else decides about counts: "prepared by lbfgs; ..."
+  std::string conditions;
   // What the paper leaves open, and what was assumed.
   std::vector<std::pair<std::string, std::string>> assumptions;
 };
@@ -109,6 +121,8 @@ struct RunKey {
   int repetition = 0;  // from 1
   std::string label;
   std::string spec;
+  // Of the chain, from 1; 1 in cases without one.
+  int step = 1;
 };
 
 // Work until some moment of a run.
@@ -156,7 +170,7 @@ struct RunRecord {
   double seconds = 0.0;  // wall
 };
 
-// One point of a curve.
+// One point of a curve, of the first step of a chain.
 struct CurveRow {
   std::string case_id;
   std::uint64_t seed = 0;
@@ -168,6 +182,41 @@ struct CurveRow {
   double max_gradient = 0.0;  // units k = 1, box = 1
   double energy = 0.0;
 };
+
+// One shear step of a chain, as its preparation found it. A step is called
+// non-rearranging if its strain in one step and in two halves end at one place.
+struct StepRecord {
+  std::string case_id;
+  std::uint64_t seed = 0;
+  int step = 0;         // from 1
+  double strain = 0.0;  // of this step
+  // "non-rearranging", "rearranging", "unjammed" (both ends), "undecided" (an
+  // end that was not relaxed tightly).
+  std::string kind;
+  // RigidDistance() of the two ends, in mean overlaps; infinite if one of them
+  // is unjammed.
+  double apart = 0.0;
+  // Contacts between rigid grains: after the step, and how many of those before
+  // or after are not in both.
+  int contacts = 0;
+  int contacts_changed = 0;
+  // At the end of the one step, and of the two halves. Residuals in mean
+  // forces, judged in quadruple precision.
+  double energy = 0.0, half_energy = 0.0;
+  double residual = 0.0, half_residual = 0.0;
+  double pressure = 0.0;
+  std::string minimum;  // of the end of the one step, as RunRecord::minimum
+};
+constexpr char kNonRearranging[] = "non-rearranging";
+constexpr char kRearranging[] = "rearranging";
+constexpr char kUnjammed[] = "unjammed";
+constexpr char kUndecided[] = "undecided";
+
+std::string StepsCsv(const std::vector<StepRecord>& steps);
+bool ParseSteps(const std::string& text,
+                const std::string& name,
+                std::vector<StepRecord>* steps,
+                std::string* error);
 
 std::string EventsCsv(const std::vector<Event>& events);
 std::string RunsCsv(const std::vector<RunRecord>& runs);
@@ -181,6 +230,10 @@ bool ParseRuns(const std::string& text,
                const std::string& name,
                std::vector<RunRecord>* runs,
                std::string* error);
+bool ParseCurves(const std::string& text,
+                 const std::string& name,
+                 std::vector<CurveRow>* rows,
+                 std::string* error);
 
 // Writes down first crossings.
 class Crossings {
@@ -213,13 +266,19 @@ std::vector<int> ThinTrace(const std::vector<double>& residuals, int buckets);
 
 // ---------------------------------------------------------------- minima
 
-// Tells minima of one case and seed apart.
+// The largest difference of a coordinate of a grain that is rigid in both,
+// after the mean difference of those (a translation) has been removed. `a` and
+// `b`: d N entries, grain by grain.
+double RigidDistance(const std::vector<double>& a,
+                     const std::vector<bool>& is_rattler_a,
+                     const std::vector<double>& b,
+                     const std::vector<bool>& is_rattler_b);
+
+// Tells minima of one case, seed and step apart.
 class Minima {
  public:
   // Two runs are in one minimum if their energies agree to kEnergyBound of the
-  // energy and no coordinate of a grain that is rigid in both differs by more
-  // than kOverlapBound of the mean overlap, after the mean difference of those
-  // (a translation) has been removed.
+  // energy and their RigidDistance() is at most kOverlapBound mean overlaps.
   static constexpr double kEnergyBound = 1e-6;
   static constexpr double kOverlapBound = 0.1;
   // A run that ends with more than this, in mean forces, is at no minimum.
@@ -237,14 +296,18 @@ class Minima {
                   double mean_overlap,
                   const std::vector<double>& displacements,
                   const std::vector<bool>& is_rattler);
+  // The first `letters` names are taken by minima that are not known here.
+  void Reserve(int letters) { next_ = std::max(next_, letters); }
 
  private:
   struct Minimum {
+    std::string name;
     double energy;
     std::vector<double> displacements;
     std::vector<bool> is_rattler;
   };
   std::vector<Minimum> minima_;
+  int next_ = 0;
 };
 
 // ---------------------------------------------------------------- tables
@@ -298,6 +361,82 @@ struct Table {
 std::vector<Table> Tabulate(const ComparisonSetup& setup,
                             const std::vector<Event>& events,
                             const std::vector<RunRecord>& runs);
+
+// Shear steps of one method in one case at one level. A step's number is the
+// median of its repetitions; one that never got there is infinitely expensive.
+struct MedianWorst {
+  double median = 0.0, worst = 0.0;  // NaN without values
+};
+MedianWorst MedianAndWorst(const std::vector<double>& values);
+
+struct StepRow {
+  Method method;
+  int steps = 0;
+  int failed = 0;    // steps of which a repetition did not get there
+  int unjammed = 0;  // steps of which one ended at E = 0 or on the way there
+  MedianWorst iterations, evaluations, hessians, factorizations,
+      linear_iterations, cpu_seconds;
+  // What was spent, reached or not.
+  MedianWorst spent_iterations, spent_evaluations, spent_hessians,
+      spent_factorizations, spent_linear_iterations, spent_seconds;
+  // Steps whose minimum is the reference's, of those in which both are known.
+  int same = 0, judged = 0;
+  // (E - E_ref) / max(E, E_ref) at the end of runs, of those with one of the
+  // two above 0: the largest, and how many are beyond kEnergyDifference.
+  double difference = 0.0;  // with its sign; NaN without values
+  int lower = 0, higher = 0;
+};
+constexpr double kEnergyDifference = 1e-9;
+
+struct StepTable {
+  Case table_case;
+  Level level;
+  double distance = 0.0;  // median phi - phi_J
+  // kNonRearranging or "all".
+  std::string kind;
+  int steps = 0;
+  std::vector<StepRow> rows;
+};
+
+// The cases near_jamming at every level of the setup: over all steps, and
+// before that over the non-rearranging ones where `steps` knows any.
+std::vector<StepTable> TabulateSteps(const ComparisonSetup& setup,
+                                     const std::vector<Event>& events,
+                                     const std::vector<RunRecord>& runs,
+                                     const std::vector<StepRecord>& steps);
+std::string StepTablesCsv(const std::vector<StepTable>& tables);
+std::string StepTablesText(const ComparisonSetup& setup,
+                           const std::vector<StepTable>& tables,
+                           const std::vector<StepRecord>& steps,
+                           bool markdown);
+
+// Wilson's 95 % interval of a probability of which `count` of `trials` were
+// seen; (0, 1) without trials.
+struct Interval {
+  double low = 0.0, high = 1.0;
+};
+Interval Wilson(int count, int trials);
+
+// How often one method ends in another minimum than the reference.
+struct BasinRow {
+  std::string case_id;  // or "all cases"
+  Method method;
+  std::string kind;  // "all", or that of the steps
+  int differ = 0;
+  int judged = 0;   // instances (case, seed, step) in which both are known
+  int nowhere = 0;  // the method ended at no minimum, the reference did
+  int unknown = 0;  // the reference ended at none
+};
+
+// Who leaves the basin of setup.reference; empty without one. Repetitions count
+// once.
+std::vector<BasinRow> TabulateBasins(const ComparisonSetup& setup,
+                                     const std::vector<RunRecord>& runs,
+                                     const std::vector<StepRecord>& steps);
+std::string BasinsCsv(const std::vector<BasinRow>& rows);
+std::string BasinsText(const ComparisonSetup& setup,
+                       const std::vector<BasinRow>& rows,
+                       bool markdown);
 
 std::string TablesCsv(const std::vector<Table>& tables);
 // For the terminal, or as Markdown.

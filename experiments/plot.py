@@ -12,8 +12,8 @@
         of `compare`: residual against iterations and CPU time, a row a case
     plot.py work EVENTS.csv OUT [--cases=A;B] [--level=relative:1e-10 ...]
         of `compare`: the residual that a number of evaluations, a CPU time buys
-    plot.py distances TABLES.csv OUT [--level=relative:1e-10 ...]
-        of `compare`: iterations and CPU time against the distance to jamming
+    plot.py distances STEP_TABLES.csv OUT [--steps=all] [--level=relative:1e-10 ...]
+        of `compare`: what shear steps cost against the distance to jamming
 
 Each writes OUT.svg and OUT.png, both or neither. The same input gives the same
 bytes. Bad input or usage: one line on stderr, status 2.
@@ -164,8 +164,9 @@ def ReadPacking(path):
                  (order, np.array([index[name] for name in names])))
 
 
-def ReadTable(path, required, words=()):
-  """Columns by name: arrays of numbers, lists of strings for those in `words`."""
+def ReadTable(path, required, words=(), optional=()):
+  """Columns by name: arrays of numbers, lists of strings for those in `words`. Ones
+  in `optional` that older files lack are not in the result."""
   try:
     rows = list(csv.reader(ReadText(path).splitlines()))
   except csv.Error as error:
@@ -176,6 +177,7 @@ def ReadTable(path, required, words=()):
   missing = [name for name in required if name not in names]
   if missing:
     raise InputError("%s:1: no column %s" % (path, ", ".join(missing)))
+  required = (*required, *(name for name in optional if name in names))
   at = {name: names.index(name) for name in required}
   table = {name: [] for name in required}
   for line, row in enumerate(rows[1:], 2):
@@ -945,8 +947,9 @@ def CaseTitle(case):
   elif name == "random":
     title = r"random displacements up to $%s\,L$" % Power(value)
   elif name == "near_jamming":
-    title = r"shear $\gamma = %s$ at $\phi - \phi_J = %s$" % (Power(value),
-                                                             Power(distance))
+    strain = value[:-1] + r"\,\Delta\phi" if value.endswith("x") else Power(value)
+    title = r"shear $\gamma = %s$ at $\Delta\phi = \phi - \phi_J = %s$" % (
+        strain, Power(distance))
   elif name == "start":
     title = "random start"
   elif name == "user":
@@ -972,8 +975,9 @@ def ComparisonAxes(rows):
 def MethodLegend(figure, styles, **properties):
   """Above everything, in as many lines as it takes."""
   names = list(styles)
+  room = 9 * figure.get_size_inches()[0]  # in characters
   columns = max([k for k in range(1, len(names) + 1) if k == 1 or sum(
-      max(len(name) for name in names[c::k]) + 7 for c in range(k)) <= 100])
+      max(len(name) for name in names[c::k]) + 7 for c in range(k)) <= room])
   handles = [Line2D([], [], color=colour, linestyle=dashes, linewidth=2.4,
                     marker=marker if properties.get("markers") else None,
                     markersize=6, label=name.replace("$", r"\$"))
@@ -1131,13 +1135,13 @@ def QuantilesOf(values):
 
 
 def WorkFigure(arguments):
-  """Medians over seeds and repetitions, bands of 20 to 80 %; a run that never got
-  to a residual counts as infinitely expensive, so curves end where half of them
+  """Medians over seeds, steps and repetitions, bands of 20 to 80 %; a run that never
+  got to a residual counts as infinitely expensive, so curves end where half of them
   failed."""
   path = arguments.table
   table = ReadTable(path, ("case", "seed", "repetition", "solver", "kind", "level",
                            "evaluations", "cpu_seconds"),
-                    words=("case", "solver", "kind"))
+                    words=("case", "solver", "kind"), optional=("step",))
   if not table["case"]:
     raise InputError("%s: no rows" % path)
   levels = Levels(arguments)
@@ -1149,7 +1153,8 @@ def WorkFigure(arguments):
   figure, axes = ComparisonAxes(len(cases))
   for row, name in enumerate(cases):
     of_case = case == name
-    runs = len(set(zip(table["seed"][of_case], table["repetition"][of_case])))
+    runs = len(set(zip(*(table[key][of_case] for key in ("seed", "step", "repetition")
+                         if key in table))))
     curves = []
     for method in styles:
       chosen = of_case & (solver == method) & of_kind
@@ -1207,92 +1212,147 @@ def WorkFigure(arguments):
 
 
 def DistancesFigure(arguments):
-  """Medians over seeds and repetitions with 20 to 80 % bars. Lines: least squares
-  of the logarithm of the median against that of the distance, over the points at
-  which no run ended unjammed; the others are pale."""
+  """A column for each strain. Filled: medians over the steps; light: the worst one.
+  In the strip above: how many steps failed, a line a method; open: half of them
+  did, at what the median one had spent. Lines: least squares of the logarithm of
+  the median against that of the distance, over the points of which no step ended
+  unjammed; the others are pale."""
   path = arguments.table
-  table = ReadTable(path, ("case", "distance", "kind", "level", "solver", "iterations",
-                           "iterations_q20", "iterations_q80", "cpu_seconds",
-                           "cpu_seconds_q20", "cpu_seconds_q80", "spent_iterations",
-                           "spent_seconds", "end"),
-                    words=("case", "kind", "solver", "end"))
+  quantities = (("iterations", "iterations", "spent_iterations"),
+                ("factorizations", "factorizations", "spent_factorizations"),
+                ("CPU time / s", "cpu_seconds", "spent_seconds"))
+  numbers = [name for _, *names in quantities for name in
+             (names[0], names[0] + "_worst", names[1], names[1] + "_worst")]
+  table = ReadTable(path, ("case", "strain", "relative", "asked_distance", "kind",
+                           "level", "steps_kind", "solver", "steps", "failed",
+                           "unjammed", *numbers),
+                    words=("case", "kind", "solver", "steps_kind"))
   absolute, level = Levels(arguments)[0]
-  chosen = table["distance"] > 0
+  chosen = np.array(table["steps_kind"]) == arguments.steps
   chosen &= np.array(table["kind"]) == ("absolute" if absolute else "relative")
   if level is not None:
     chosen &= np.isclose(table["level"], level, rtol=1e-9, atol=0)
   if not chosen.any():
-    raise InputError("%s: no rows with a distance at that level" % path)
-  solver = np.array(table["solver"])
-  unjammed = np.array(["unjammed" in end for end in table["end"]])
-  styles = MethodStyles(Unique(solver[chosen]))
-  lines = -(-len(styles) // 3)
-  height = 5.4 + 0.3 * lines
+    raise InputError("%s: no rows of such steps at that level" % path)
+  table = {name: (np.array(column) if isinstance(column, list) else column)[chosen]
+           for name, column in table.items()}
+  quantities = [quantity for quantity in quantities
+                if (table[quantity[2] + "_worst"] > 0).any()]
+  strains = Unique(zip(table["relative"], table["strain"]))
+  styles = MethodStyles(Unique(table["solver"]))
+  x_low, x_high = Span(table["asked_distance"])
+  rows, columns = len(quantities), len(strains)
+  width, height = 0.85 + 5.4 * columns, 1.55 + 2.95 * rows
   figure, axes = plt.subplots(
-      1, 2, figsize=(11.0, height),
-      gridspec_kw=dict(left=0.085, right=0.98, top=1 - (0.5 + 0.31 * lines) / height,
-                       bottom=1.0 / height, wspace=0.2))
-  x_low, x_high = Span(table["distance"][chosen])
-  for column, ax in enumerate(axes):
-    name = ("iterations", "cpu_seconds")[column]
-    spent = table[("spent_iterations", "spent_seconds")[column]]
-    finite = [table[key][chosen] for key in (name, name + "_q20", name + "_q80")]
-    finite = np.concatenate(finite + [spent[chosen]])
-    low, high = Span(finite[np.isfinite(finite) & (finite > 0)])
-    handles = []
-    for k, (method, (colour, dashes, marker)) in enumerate(styles.items()):
-      here = np.nonzero(chosen & (solver == method))[0]
-      y = table[name][here]
-      # Side by side.
-      x = table["distance"][here] * 10**(
-          min(0.05, 0.25 / len(styles)) * (k - (len(styles) - 1) / 2))
-      good = np.isfinite(y) & (y > 0)
-      low_bar, high_bar = table[name + "_q20"][here], table[name + "_q80"][here]
-      with np.errstate(invalid="ignore"):  # infinite where a run never got there
-        bars = np.abs([y - low_bar, np.minimum(high_bar, 10**(high + 1)) - y])
-      for pale in (False, True):
-        some = good & (unjammed[here] == pale)
-        if some.any():
-          ax.errorbar(x[some], y[some], yerr=bars[:, some], color=colour,
-                      linestyle="", marker=marker, markersize=6.5, capsize=3,
-                      linewidth=1.2, zorder=4, alpha=0.4 if pale else 1.0)
-      # Half of the runs never got there: open, at what had been spent.
-      ax.plot(x[~good], spent[here][~good], color=colour, linestyle="", marker=marker,
-              markersize=8, markerfacecolor="white", zorder=4)
-      some = good & ~unjammed[here]
-      label = "no fit"
-      if some.sum() > 2:
-        u, v = np.log(table["distance"][here][some]), np.log(y[some])
-        slope, offset = np.polyfit(u, v, 1)
-        rest = v - slope * u - offset
-        error = math.sqrt(np.sum(rest**2) / (len(u) - 2) / np.sum((u - u.mean())**2))
-        ends = np.array([u.min(), u.max()])
-        ax.plot(np.exp(ends), np.exp(offset + slope * ends), color=colour,
-                linestyle=dashes, linewidth=1.4, zorder=3)
-        label = r"$\Delta\phi^{\,%.2f \pm %.2f}$" % (slope, error)
-      handles.append(Line2D([], [], color=colour, linestyle=dashes, marker=marker,
-                            markersize=6.5, linewidth=1.4, label=label))
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    ax.set_xlim(10**x_low, 10**x_high)
-    ax.set_ylim(10**low, 10**high)
-    Decades(ax.xaxis, x_low, x_high)
-    Decades(ax.yaxis, low, high)
-    ax.set_xlabel(r"distance to jamming  $\Delta\phi = \phi - \phi_J$")
-    ax.set_ylabel(("iterations", "CPU time / s")[column])
-    ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0),
-              ncol=min(3, len(handles)), fontsize=12, handlelength=1.7,
-              handletextpad=0.5, columnspacing=1.0, borderaxespad=0.2,
-              labelspacing=0.3)
-  words = "lines: least squares of logarithms of the medians; bars: 20 to 80 % of the runs"
-  if unjammed[chosen].any():
-    words += "; pale, not in the fits: some runs end unjammed"
-  if not np.isfinite(table["iterations"][chosen]).all():
+      rows, columns, sharex=True, sharey="row", squeeze=False, figsize=(width, height),
+      gridspec_kw=dict(left=0.85 / width, right=1 - 1.4 / width,
+                       top=1 - 0.85 / height, bottom=0.95 / height,
+                       wspace=1.4 / 4.0, hspace=0.1))
+  for row, (label, name, spent) in enumerate(quantities):
+    values = np.concatenate([table[key] for key in
+                             (name, name + "_worst", spent, spent + "_worst")])
+    low, high = Span(values[np.isfinite(values) & (values > 0)])
+    # A strip for the failures, in which each method that fails has its own line.
+    failing = [method for method in styles if
+               ((table["solver"] == method) & (table["failed"] > 0) &
+                (table[spent + "_worst"] > 0)).any()]
+    strip = 0.02 * (high - low) * (1.5 + 5 * len(failing)) if failing else 0.0
+    for column, strain in enumerate(strains):
+      ax = axes[row, column]
+      here = ((table["relative"] == strain[0]) & (table["strain"] == strain[1]))
+      fits = []
+      for k, (method, (colour, dashes, marker)) in enumerate(styles.items()):
+        mine = np.nonzero(here & (table["solver"] == method))[0]
+        # Work of a kind that the method does not do.
+        if not (table[spent + "_worst"][mine] > 0).any():
+          continue
+        distance = table["asked_distance"][mine]
+        # Side by side.
+        x = distance * 10**(min(0.06, 0.4 / len(styles)) * (k - (len(styles) - 1) / 2))
+        y, worst = table[name][mine], table[name + "_worst"][mine]
+        good = np.isfinite(y) & (y > 0)
+        pale = table["unjammed"][mine] > 0
+        failed = table["failed"][mine]
+        at = np.where(good, y, table[spent][mine])
+        above = (10**(high + strip * (1 - (failing.index(method) + 0.5) / len(failing)))
+                 if method in failing else np.inf)
+        top = np.where(np.isfinite(worst), worst, above)
+        ax.vlines(x, at, top, color=colour, linewidth=0.9, alpha=0.35, zorder=2)
+        seen = np.isfinite(worst) & (worst > y)
+        ax.plot(x[seen], worst[seen], color=colour, linestyle="", marker=marker,
+                markersize=4.5, alpha=0.4, markeredgewidth=0, zorder=3)
+        for some, style in ((good & ~pale, {}), (good & pale, {"alpha": 0.45})):
+          ax.plot(x[some], y[some], color=colour, linestyle="", marker=marker,
+                  markersize=6.5, zorder=4, **style)
+        ax.plot(x[~good], at[~good], color=colour, linestyle="", marker=marker,
+                markersize=7, markerfacecolor="white", markeredgewidth=1.4, zorder=4)
+        for place, count in zip(x[failed > 0], failed[failed > 0]):
+          ax.text(place, above, "%d" % count, color=colour, fontsize=10,
+                  fontweight="bold", ha="center", va="center", zorder=5,
+                  bbox=dict(boxstyle="square,pad=0.1", facecolor=FOG, linewidth=0))
+        some = good & ~pale
+        text = "\u2013"
+        if some.sum() > 2:
+          u, v = np.log(distance[some]), np.log(y[some])
+          slope, offset = np.polyfit(u, v, 1)
+          rest = v - slope * u - offset
+          error = math.sqrt(np.sum(rest**2) / (len(u) - 2) / np.sum((u - u.mean())**2))
+          ends = np.array([u.min(), u.max()])
+          ax.plot(np.exp(ends), np.exp(offset + slope * ends), color=colour,
+                  linestyle=dashes, linewidth=1.3, zorder=3)
+          text = ("%+.2f \u00b1 %.2f" % (slope, error)).replace("-", "\u2212")
+        fits.append((colour, marker, text))
+      ax.set_xscale("log")
+      ax.set_yscale("log")
+      ax.set_xlim(10**x_low, 10**x_high)
+      ax.set_ylim(10**low, 10**(high + strip))
+      Decades(ax.xaxis, x_low, x_high)
+      Decades(ax.yaxis, low, high)
+      if failing:
+        ax.axhspan(10**high, 10**(high + strip), color=FOG, linewidth=0, zorder=1)
+        ax.text(1.02, 1.0 - 0.5 * strip / (high + strip - low), "steps that failed",
+                transform=ax.transAxes, fontsize=9.5, color=GREY, ha="left",
+                va="center", rotation=0)
+      # The exponents, beside the panel.
+      line = 0.074
+      first = 0.5 + 0.5 * line * len(fits)
+      ax.text(1.02, first, r"$\propto \Delta\phi^{\,x}$ with $x =$",
+              transform=ax.transAxes, fontsize=10, color=GREY, va="center")
+      for k, (colour, marker, text) in enumerate(fits):
+        y_text = first - line * (k + 1.1)
+        ax.plot([1.045], [y_text], transform=ax.transAxes, color=colour, marker=marker,
+                markersize=5, clip_on=False)
+        ax.text(1.075, y_text, text, transform=ax.transAxes, fontsize=10.5,
+                color=colour, va="center")
+      if column == 0:
+        ax.set_ylabel(label)
+      if row == 0:
+        value = "%g" % strain[1]
+        if "e" in value or strain[1] < 1e-3:
+          mantissa, exponent = ("%e" % strain[1]).split("e")
+          value = ("" if float(mantissa) == 1 else "%g" % float(mantissa) +
+                   r"\times ") + "10^{%d}" % int(exponent)
+        steps = sorted(set(table["steps"][here].astype(int)))
+        count = "%d" % steps[0] if len(steps) == 1 else "%d\u2013%d" % (steps[0],
+                                                                       steps[-1])
+        ax.set_title(r"$\gamma = %s%s$" % (value, r"\,\Delta\phi" if strain[0] else ""),
+                     loc="left", pad=7)
+        ax.set_title("%s steps at each $\\Delta\\phi$" % count, loc="right", pad=7,
+                     fontsize=10.5, color=GREY)
+      if row == rows - 1:
+        ax.set_xlabel(r"distance to jamming  $\Delta\phi = \phi - \phi_J$")
+  words = "filled: medians of %ssteps; small and light: the worst one" % (
+      "" if arguments.steps == "all" else arguments.steps + " ")
+  if (table["unjammed"] > 0).any():
+    words += "; pale, not in the fits: some end unjammed"
+  if not np.isfinite(table["iterations"]).all():
     words += "; open: half of them fail"
-  figure.text(0.53, 0.18 / height, words, ha="center", va="bottom",
-              color=GREY, fontsize=10.5 if len(words) < 120 else 9.5)
   FinishPanels(axes)
+  figure.align_ylabels(axes[:, 0])
   MethodLegend(figure, styles, markers=True)
+  # In two lines where one is too short.
+  figure.text(0.5, 0.08 / height, words if columns > 1 else words.replace("; ", "\n", 1),
+              ha="center", va="bottom", color=GREY, fontsize=10.5)
   return figure
 
 
@@ -1370,7 +1430,9 @@ def Arguments(words):
     command.add_argument("table")
     command.add_argument("out")
     command.add_argument("--level", action="append", default=[])
-    if name != "distances":
+    if name == "distances":
+      command.add_argument("--steps", default="all")
+    else:
       command.add_argument("--cases", default="")
     command.set_defaults(figure=figure)
   return parser.parse_args(words)

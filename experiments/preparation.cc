@@ -1,16 +1,106 @@
 #include "experiments/preparation.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdlib>
+#include <limits>
+#include <map>
 #include <utility>
 
-#include "experiments/comparison.h"
 #include "granular/atomic_file.h"
 #include "granular/packing_io.h"
 #include "granular/quad_residual.h"
 
 namespace granopt {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// A packing as it is: its contacts, what is measured on it, and its residual.
+struct Findings {
+  std::vector<Contact> contacts;
+  Observables observables;
+  double residual = 0.0;  // mean forces, in quadruple precision
+  double vanishing = 0.0;
+
+  bool Unjammed() const {
+    return observables.energy == 0.0 || vanishing <= FLAGS_zero_pressure;
+  }
+};
+
+Findings Examined(const Packing& packing, const ContactEnergyOptions& law) {
+  Findings state;
+  QuadResidual judge;
+  std::string error;
+  const auto energy = ContactEnergy::Create(packing, law, &error);
+  if (energy == nullptr ||
+      !EvaluateQuad(packing, law, nullptr, &judge, &error)) {
+    BadInput(error);
+  }
+  const std::vector<double> zero(energy->NumParameters(), 0.0);
+  double cost = 0.0;
+  Scales scales;
+  energy->EvaluateWithScales(zero.data(), &cost, nullptr, &scales);
+  state.contacts = energy->Contacts(zero.data());
+  state.observables = Measure(packing, state.contacts, cost);
+  state.residual = judge.Relative();
+  state.vanishing = cost > 0.0 ? scales.vanishing : 0.0;
+  return state;
+}
+
+// Positions of `a` minus those of `b` in the same cell, nearest images; d N
+// entries, grain by grain.
+std::vector<double> Difference(const Packing& a, const Packing& b) {
+  const int d = a.dimension();
+  std::vector<double> result(static_cast<std::size_t>(d) * a.size());
+  for (int i = 0; i < a.size(); ++i) {
+    SmallVector x(d);
+    for (int k = 0; k < d; ++k) {
+      const DoubleDouble p = a.Position(i, k), q = b.Position(i, k);
+      x[k] = (p.hi - q.hi) + (p.lo - q.lo);
+    }
+    SmallVector cells = a.box.inverse() * x;
+    for (int k = 0; k < d; ++k) cells[k] = std::round(cells[k]);
+    x -= a.box.edges() * cells;
+    for (int k = 0; k < d; ++k) result[d * i + k] = x[k];
+  }
+  return result;
+}
+
+// How many contacts between rigid grains are made or lost between two states.
+// Pairs are counted, whatever their images.
+int ContactsChanged(const Findings& before, const Findings& after) {
+  std::map<std::pair<int, int>, int> count;
+  const auto add = [&count](const Findings& state, int sign) {
+    const std::vector<bool>& rattler = state.observables.is_rattler;
+    for (const Contact& c : state.contacts) {
+      if (!rattler[c.id.i] && !rattler[c.id.j]) {
+        count[std::minmax(c.id.i, c.id.j)] += sign;
+      }
+    }
+  };
+  add(before, -1);
+  add(after, 1);
+  int changed = 0;
+  for (const auto& [pair, n] : count) changed += std::abs(n);
+  return changed;
+}
+
+double Attribute(const Packing& packing, const char* key) {
+  const auto found = packing.attributes.find(key);
+  return found == packing.attributes.end()
+             ? std::numeric_limits<double>::quiet_NaN()
+             : std::strtod(found->second.c_str(), nullptr);
+}
+
+double Now() {
+  return std::chrono::duration<double>(
+             std::chrono::steady_clock::now().time_since_epoch())
+      .count();
+}
+
+}  // namespace
 
 Packing Preparation::Relaxed(std::uint64_t seed) {
   if (!FLAGS_input.empty()) {
@@ -75,10 +165,171 @@ bool Preparation::NearJamming(std::uint64_t seed,
     packing.SetPackingFraction(jamming.phi_j + distances[k]);
     packing = Minimized(packing, kTolerance, nullptr);
     packing.attributes["phi_j"] = Format("%.17g", jamming.phi_j);
+    packing.attributes["prepared"] = recipe;
     if (k >= reused) Keep(name(k), recipe, packing);
     (*states)[k] = packing;
   }
   return true;
+}
+
+Packing Preparation::MakeStep(const Packing& before,
+                              double strain,
+                              std::int64_t max_evaluations,
+                              bool* gave_up) {
+  *gave_up = false;
+  const auto sheared = [&](const Packing& packing, double gamma) {
+    Packing start = packing;
+    start.Deform(SimpleShear(packing.dimension(), gamma));
+    SolveOptions options = Options(kTolerance);
+    if (max_evaluations > 0) options.max_evaluations = max_evaluations;
+    Relaxation result;
+    std::string error;
+    if (!Relax(start, scene_.energy, solver_, options, &result, &error)) {
+      BadInput(scene_.origin + ": " + error);
+    }
+    *gave_up = *gave_up || result.summary.reason == StopReason::MAX_EVALUATIONS;
+    return Annotated(result, scene_.energy);
+  };
+  Packing after = sheared(before, strain);
+  const Packing halves = sheared(sheared(before, 0.5 * strain), 0.5 * strain);
+  const Findings a = Examined(after, scene_.energy);
+  const Findings b = Examined(halves, scene_.energy);
+  const char* kind = kUndecided;
+  double apart = kInfinity;
+  if (a.Unjammed() && b.Unjammed()) {
+    kind = kUnjammed;
+  } else if (a.Unjammed() || b.Unjammed()) {
+    if ((a.Unjammed() || a.residual <= kEndBound) &&
+        (b.Unjammed() || b.residual <= kEndBound)) {
+      kind = kRearranging;
+    }
+  } else {
+    // The translation that two minima may differ by is taken out there.
+    const std::vector<double> zero(
+        static_cast<std::size_t>(after.dimension()) * after.size(), 0.0);
+    apart = RigidDistance(Difference(after, halves),
+                          a.observables.is_rattler,
+                          zero,
+                          b.observables.is_rattler) /
+            a.observables.mean_overlap;
+    if (a.residual <= kEndBound && b.residual <= kEndBound) {
+      kind = apart <= kApartBound ? kNonRearranging : kRearranging;
+    }
+  }
+  after.attributes["step_kind"] = kind;
+  after.attributes["step_apart"] = Format("%.17g", apart);
+  after.attributes["step_half_energy"] = Format("%.17g", b.observables.energy);
+  after.attributes["step_half_residual"] = Format("%.17g", b.residual);
+  return after;
+}
+
+std::vector<ShearStep> Preparation::Shear(const Packing& base,
+                                          const std::string& name,
+                                          std::uint64_t seed,
+                                          double strain,
+                                          int steps,
+                                          std::int64_t max_evaluations) {
+  std::vector<ShearStep> chain;
+  Packing before = base;
+  const std::string origin = before.attributes["prepared"];
+  Findings state_before = Examined(before, scene_.energy);
+  int used_again = 0;
+  std::map<std::string, int> kinds;
+  double residual = 0.0;
+  for (int k = 1; k <= steps; ++k) {
+    ShearStep step;
+    step.start = before;
+    step.start.Deform(SimpleShear(before.dimension(), strain));
+    const std::string file = name + Format("_step_%d", k);
+    const std::string recipe =
+        Format("step %d of shear %.17g from: ", k, strain) + origin;
+    Packing after;
+    // Part of the recipe where it matters.
+    const std::string limited =
+        recipe + Format("; at most %lld evaluations",
+                        static_cast<long long>(max_evaluations));
+    if (Reuse(file, recipe, &after, /*note=*/false) ||
+        Reuse(file, limited, &after, /*note=*/false)) {
+      ++used_again;
+    } else {
+      const double began = Now();
+      stage_ = name + Format(", step %d", k);
+      if (expected_steps_ > 0) {
+        stage_ += Format(" (%d of %d", done_steps_ + 1, expected_steps_);
+        if (made_steps_ > 0) {
+          stage_ += Format(
+              ", %.0f s left at this rate",
+              step_seconds_ / made_steps_ * (expected_steps_ - done_steps_));
+        }
+        stage_ += ")";
+      }
+      bool gave_up = false;
+      after = MakeStep(before, strain, max_evaluations, &gave_up);
+      Keep(file, gave_up ? limited : recipe, after, /*note=*/false);
+      step_seconds_ += Now() - began;
+      ++made_steps_;
+    }
+    ++done_steps_;
+    const Findings state = Examined(after, scene_.energy);
+    const Observables& o = state.observables;
+    step.displacements = Difference(after, step.start);
+    step.is_rattler = o.is_rattler;
+    step.energy = o.energy;
+    step.residual = state.residual;
+    step.vanishing = state.vanishing;
+    step.mean_overlap = o.mean_overlap;
+    StepRecord& record = step.record;
+    record.seed = seed;
+    record.step = k;
+    record.strain = strain;
+    record.kind = after.attributes["step_kind"];
+    record.apart = Attribute(after, "step_apart");
+    record.contacts = o.rigid_contacts;
+    record.contacts_changed = ContactsChanged(state_before, state);
+    record.energy = o.energy;
+    record.half_energy = Attribute(after, "step_half_energy");
+    record.residual = state.residual;
+    record.half_residual = Attribute(after, "step_half_residual");
+    record.pressure = o.pressure;
+    record.minimum = Minima().Tag(o.energy,
+                                  state.residual,
+                                  state.vanishing,
+                                  o.mean_overlap,
+                                  step.displacements,
+                                  o.is_rattler);
+    ++kinds[record.kind];
+    const bool unjammed = state.Unjammed();
+    if (!unjammed) residual = std::max(residual, state.residual);
+    chain.push_back(std::move(step));
+    before = std::move(after);
+    state_before = state;
+    if (unjammed || chain.back().record.minimum == "-") {
+      done_steps_ += steps - k;  // there is nothing to be made of them
+      break;
+    }
+  }
+  std::string line = name + ": ";
+  for (const auto& [kind, count] : kinds) {
+    line += Format("%d %s, ", count, kind.c_str());
+  }
+  if (residual > 0.0) {
+    line += Format("residual <= %.0e mean forces, ", residual);
+  }
+  line.resize(line.size() - 2);
+  if (static_cast<int>(chain.size()) < steps) {
+    line += Format(
+        ", %s after %zu of %d",
+        chain.back().record.minimum == "-" ? "at no minimum" : "unjammed",
+        chain.size(),
+        steps);
+  }
+  if (used_again == static_cast<int>(chain.size())) line += " (used again)";
+  lines_.push_back(line);
+  Json json = {{"name", name}, {"strain", strain}, {"steps", chain.size()}};
+  for (const auto& [kind, count] : kinds) json[kind] = count;
+  json["quad_relative_residual"] = residual;
+  json_.push_back(json);
+  return chain;
 }
 
 std::string Preparation::Recipe(const std::string& what,
@@ -120,7 +371,8 @@ Packing Preparation::State(const std::string& name,
 
 bool Preparation::Reuse(const std::string& name,
                         const std::string& recipe,
-                        Packing* packing) {
+                        Packing* packing,
+                        bool note) {
   std::string error;
   Packing read;
   if (!ReadPacking(output_->Path("prepared_" + name + ".xyz"), &read, &error)) {
@@ -129,13 +381,14 @@ bool Preparation::Reuse(const std::string& name,
   const auto found = read.attributes.find("prepared");
   if (found == read.attributes.end() || found->second != recipe) return false;
   *packing = std::move(read);
-  Note(name, *packing, " (used again)");
+  if (note) Note(name, *packing, " (used again)");
   return true;
 }
 
 void Preparation::Keep(const std::string& name,
                        const std::string& recipe,
-                       Packing packing) {
+                       Packing packing,
+                       bool note) {
   packing.attributes["prepared"] = recipe;
   std::string error;
   if (!WriteFileAtomically(output_->Path("prepared_" + name + ".xyz"),
@@ -143,7 +396,7 @@ void Preparation::Keep(const std::string& name,
                            &error)) {
     BadInput(error);
   }
-  Note(name, packing, "");
+  if (note) Note(name, packing, "");
 }
 
 void Preparation::Note(const std::string& name,

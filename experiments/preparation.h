@@ -9,11 +9,23 @@
 #include <string>
 #include <vector>
 
+#include "experiments/comparison.h"
 #include "experiments/run.h"
 #include "experiments/scene.h"
 #include "granular/jamming.h"
 
 namespace granopt {
+
+// A state under strain from which methods start, and where its own method ended
+// from there.
+struct ShearStep {
+  Packing start;
+  StepRecord record;  // without case_id
+  // For Minima::Tag(). Displacements from `start`.
+  std::vector<double> displacements;
+  std::vector<bool> is_rattler;
+  double energy = 0.0, residual = 0.0, vanishing = 0.0, mean_overlap = 0.0;
+};
 
 // Makes states by a method of its own and keeps them as
 // OUT/prepared_<name>.xyz. A file that is there already and says that it was
@@ -23,6 +35,11 @@ class Preparation {
   static constexpr double kTolerance = 1e-12;  // in mean forces
   static constexpr double kCompressedFrom = 0.80;
   static constexpr double kStep = 1e-3;  // in phi, of the compression
+  // A step is non-rearranging if its strain in one step and in two halves end
+  // within this many mean overlaps of each other...
+  static constexpr double kApartBound = 1e-3;
+  // ...and both ends are relaxed to this many mean forces, else undecided.
+  static constexpr double kEndBound = 1e-9;
 
   // `phi`: packing fraction of generated packings. With --input every state
   // comes from the packing of `scene`.
@@ -50,6 +67,22 @@ class Preparation {
                    std::vector<Packing>* states,
                    std::string* error);
 
+  // A chain of `steps` shear steps from `base`, one of the NearJamming()
+  // states: each deforms the state before by `strain` and relaxes it. `name`
+  // tells its files from those of other chains:
+  // OUT/prepared_<name>_step_<k>.xyz hold the relaxed states and what was found
+  // about their steps. A relaxation gives up after `max_evaluations` (0:
+  // never). A state that has become unjammed or is at no minimum is the last
+  // one: nothing after it is a step near jamming.
+  std::vector<ShearStep> Shear(const Packing& base,
+                               const std::string& name,
+                               std::uint64_t seed,
+                               double strain,
+                               int steps,
+                               std::int64_t max_evaluations);
+  // How many steps all calls of Shear() will ask for, for the progress line.
+  void ExpectSteps(int steps) { expected_steps_ = steps; }
+
   void ClearProgress() { progress_.Clear(); }
 
   // What was made so far: one line a state, and the same for summary.json.
@@ -67,13 +100,21 @@ class Preparation {
                 const std::function<Packing()>& make);
   bool Reuse(const std::string& name,
              const std::string& recipe,
-             Packing* packing);
+             Packing* packing,
+             bool note = true);
   void Keep(const std::string& name,
             const std::string& recipe,
-            Packing packing);
+            Packing packing,
+            bool note = true);
   void Note(const std::string& name,
             const Packing& packing,
             const char* remark);
+
+  // One step of a chain from `before`; `gave_up`: a relaxation did.
+  Packing MakeStep(const Packing& before,
+                   double strain,
+                   std::int64_t max_evaluations,
+                   bool* gave_up);
 
   SolveOptions Options(double tolerance);
   // `jammed` may be null.
@@ -89,6 +130,8 @@ class Preparation {
   Output* output_;
   Progress progress_;
   std::string stage_;  // for the progress line
+  int expected_steps_ = 0, done_steps_ = 0, made_steps_ = 0;
+  double step_seconds_ = 0.0;  // of all made_steps_
   std::map<std::string, Packing> made_;
   std::vector<std::string> lines_;
   Json json_ = Json::array();

@@ -367,16 +367,16 @@ TEST_F(Cli, CompareWritesEventsRunsAndTables) {
   // 2 methods x 2 cases x 2 seeds x 2 repetitions, interleaved.
   const std::vector<std::string> runs = Rows(Slurp(folder_ + "/out/runs.csv"));
   ASSERT_EQ(runs.size(), 1u + 16);
-  const char* expected[] = {"growth=5e-5,1,1,lb",
-                            "growth=5e-5,1,1,cg",
-                            "growth=5e-5,3,1,lb",
-                            "growth=5e-5,3,1,cg",
-                            "random=1e-4,1,1,lb",
-                            "random=1e-4,1,1,cg",
-                            "random=1e-4,3,1,lb",
-                            "random=1e-4,3,1,cg",
-                            "growth=5e-5,1,2,cg",
-                            "growth=5e-5,1,2,lb"};
+  const char* expected[] = {"growth=5e-5,1,1,1,lb",
+                            "growth=5e-5,1,1,1,cg",
+                            "growth=5e-5,3,1,1,lb",
+                            "growth=5e-5,3,1,1,cg",
+                            "random=1e-4,1,1,1,lb",
+                            "random=1e-4,1,1,1,cg",
+                            "random=1e-4,3,1,1,lb",
+                            "random=1e-4,3,1,1,cg",
+                            "growth=5e-5,1,1,2,cg",
+                            "growth=5e-5,1,1,2,lb"};
   for (int k = 0; k < 10; ++k) {
     EXPECT_EQ(runs[1 + k].rfind(std::string(expected[k]) + ",", 0), 0u)
         << runs[1 + k];
@@ -396,15 +396,15 @@ TEST_F(Cli, CompareEventsAreMonotoneInTheLevel) {
                "--tolerance=1e-5 --out=out")
                 .status,
             0);
-  std::vector<std::string> last(8);
+  std::vector<std::string> last(9);
   int count = 0;
   for (const std::string& row : Rows(Slurp(folder_ + "/out/events.csv"))) {
     const std::vector<std::string> now = Fields(row);
-    if (now[0] == "case" || now[5] != "relative") continue;
-    ASSERT_EQ(now.size(), 17u) << row;
-    if (now[2] == last[2]) {
-      EXPECT_LT(std::stod(now[6]), std::stod(last[6]));
-      for (int column : {7, 8, 13}) {  // iterations, evaluations, seconds
+    if (now[0] == "case" || now[6] != "relative") continue;
+    ASSERT_EQ(now.size(), 18u) << row;
+    if (now[3] == last[3]) {
+      EXPECT_LT(std::stod(now[7]), std::stod(last[7]));
+      for (int column : {8, 9, 14}) {  // iterations, evaluations, seconds
         EXPECT_GE(std::stod(now[column]), std::stod(last[column])) << row;
       }
       ++count;
@@ -419,7 +419,7 @@ TEST_F(Cli, CompareCountsAreDeterministicAndPreparedStatesAreUsedAgain) {
     std::string text;
     for (const std::string& row : Rows(Slurp(folder_ + "/out/events.csv"))) {
       const std::vector<std::string> f = Fields(row);
-      for (const int column : {0, 1, 2, 3, 5, 6, 7, 8, 16}) {
+      for (const int column : {0, 1, 2, 3, 4, 6, 7, 8, 9, 17}) {
         text += f[column] + ",";
       }
       text += "\n";
@@ -479,6 +479,127 @@ TEST_F(Cli, CompareReplotMakesTheSameTables) {
   refused("--replot=none", "none/setup.json");
   File("out/events.csv", "case,seed\nx,1\n");
   refused("", "events.csv:1: no column repetition");
+}
+
+// Chains of shear steps: 2 distances x 2 strains x 2 steps of one packing.
+const char kChain[] =
+    "--particles=64 --cases=near_jamming=1e-6,near_jamming=0.3x --steps=2 "
+    "--distances=1e-2,1e-3 --repetitions=2 --tolerance=1e-6 "
+    "--solvers='lb@lbfgs;fire' ";
+
+TEST_F(Cli, CompareFollowsChainsOfShearSteps) {
+  const Outcome run =
+      Do("compare", std::string(kChain) + "--reference=lb --out=out");
+  ASSERT_EQ(run.status, 0) << run.out << run.err;
+  const std::vector<std::string> steps =
+      Rows(Slurp(folder_ + "/out/steps.csv"));
+  ASSERT_EQ(steps.size(), 1u + 8);
+  EXPECT_EQ(Fields(steps[0]).size(), 14u);
+  const double strains[] = {1e-6, 1e-6, 3e-3, 3e-4};
+  for (int k = 0; k < 8; ++k) {
+    const std::vector<std::string> f = Fields(steps[1 + k]);
+    EXPECT_EQ(f[1], "1");
+    EXPECT_EQ(f[2], std::to_string(1 + k % 2));
+    EXPECT_NEAR(std::stod(f[3]), strains[k / 2], 1e-12);
+    // The kind is what the other columns say.
+    ASSERT_LE(std::stod(f[10]), 1e-9) << steps[1 + k];
+    ASSERT_LE(std::stod(f[11]), 1e-9) << steps[1 + k];
+    EXPECT_EQ(f[4],
+              std::stod(f[5]) <= 1e-3 ? "non-rearranging" : "rearranging");
+    if (f[4] == "non-rearranging") {
+      EXPECT_NEAR(std::stod(f[8]), std::stod(f[9]), 1e-9 * std::stod(f[8]));
+    }
+    EXPECT_EQ(f[13], "A");
+  }
+  EXPECT_EQ(Fields(steps[5])[0], "near_jamming=0.3x at 1e-2");
+  // Every method once a step and repetition.
+  const std::string runs = Slurp(folder_ + "/out/runs.csv");
+  EXPECT_EQ(Lines(runs), 1 + 2 * 2 * 8);
+  EXPECT_NE(runs.find("near_jamming=0.3x at 1e-3,1,2,2,fire,"),
+            std::string::npos);
+  EXPECT_NE(run.out.find("who leaves the basin of lb"), std::string::npos);
+  // A tiny strain far from jamming does not rearrange: the method that prepared
+  // the states ends where they do.
+  const std::string tables = Slurp(folder_ + "/out/step_tables.csv");
+  EXPECT_NE(tables.find("near_jamming=1e-6 at 1e-2,1e-6,0,1e-2,"),
+            std::string::npos)
+      << tables;
+  // Made again from the raw files: the same bytes.
+  ASSERT_EQ(Do("compare", "--replot=out --out=again").status, 0);
+  for (const char* name :
+       {"tables.md", "tables.csv", "step_tables.csv", "basins.csv"}) {
+    EXPECT_EQ(Slurp(folder_ + "/again/" + name),
+              Slurp(folder_ + "/out/" + name))
+        << name;
+    EXPECT_FALSE(Slurp(folder_ + "/out/" + name).empty()) << name;
+  }
+  // Steps as they are used again, to the byte; another strain is made anew.
+  const std::string first = Slurp(folder_ + "/out/steps.csv");
+  ASSERT_EQ(Do("compare", std::string(kChain) + "--out=out").status, 0);
+  EXPECT_EQ(Slurp(folder_ + "/out/steps.csv"), first);
+  EXPECT_NE(Slurp(folder_ + "/stdout.txt").find("_shear_0.3x: "),
+            std::string::npos);
+  EXPECT_FALSE(Exists(folder_ + "/out/basins.csv"));
+}
+
+// A comparison that lost its last block goes on to the same counts and minima.
+TEST_F(Cli, CompareResumes) {
+  const std::string flags = std::string(kChain) + "--resume --out=out";
+  // Nothing there: begins.
+  ASSERT_EQ(Do("compare", flags).status, 0);
+  const auto counts = [this] {
+    std::string text;
+    for (const std::string& row : Rows(Slurp(folder_ + "/out/runs.csv"))) {
+      const std::vector<std::string> f = Fields(row);
+      for (int column = 0; column < 6; ++column) text += f[column] + ",";
+      text += f[13] + "," + f[17] + "," + f[23] + "," + f[24] + "\n";
+    }
+    return text;
+  };
+  const std::string expected = counts();
+  ASSERT_EQ(expected.substr(0, expected.find('\n')),
+            "case,seed,step,repetition,solver,spec,energy,minimum,iterations,"
+            "evaluations");
+  const std::string md = Slurp(folder_ + "/out/tables.md");
+  // Half of a block is run again with its other half.
+  const std::vector<std::string> rows = Rows(Slurp(folder_ + "/out/runs.csv"));
+  std::string kept;
+  for (std::size_t k = 0; k + 5 < rows.size(); ++k) kept += rows[k] + "\n";
+  File("out/runs.csv", kept);
+  Outcome run = Do("compare", flags);
+  ASSERT_EQ(run.status, 0) << run.err;
+  EXPECT_EQ(counts(), expected);
+  EXPECT_NE(run.out.find("resumed   26 runs were there"), std::string::npos)
+      << run.out;
+  // Complete: nothing is run, nothing changes.
+  const std::string complete = Slurp(folder_ + "/out/runs.csv");
+  run = Do("compare", flags);
+  ASSERT_EQ(run.status, 0);
+  EXPECT_EQ(Slurp(folder_ + "/out/runs.csv"), complete);
+  // Another comparison is not mixed with it.
+  run = Do("compare", flags + " --max_evaluations=5000");
+  EXPECT_EQ(run.status, 2);
+  EXPECT_EQ(Lines(run.err), 1) << run.err;
+  EXPECT_NE(run.err.find("--resume: out/setup.json is of a comparison with "
+                         "other flags"),
+            std::string::npos)
+      << run.err;
+  EXPECT_EQ(Slurp(folder_ + "/out/runs.csv"), complete);
+}
+
+TEST_F(Cli, CompareNamesWhoLeavesTheBasinInAnyCase) {
+  const Outcome run =
+      Do("compare",
+         "--smoke --cases=growth,random --reference=ceres_lbfgs:scaled=1 "
+         "--solvers='lb@ceres_lbfgs:scaled=1;fire' --tolerance=1e-4 --out=out");
+  ASSERT_EQ(run.status, 0) << run.out << run.err;
+  const std::vector<std::string> rows =
+      Rows(Slurp(folder_ + "/out/basins.csv"));
+  ASSERT_EQ(rows.size(), 1u + 3);
+  EXPECT_EQ(rows[1].rfind("growth=5e-5,fire,fire,all,", 0), 0u) << rows[1];
+  EXPECT_EQ(rows[3].rfind("all cases,fire,fire,all,", 0), 0u) << rows[3];
+  EXPECT_FALSE(Exists(folder_ + "/out/steps.csv"));
+  EXPECT_FALSE(Exists(folder_ + "/out/step_tables.csv"));
 }
 
 TEST_F(Cli, CompareShowsAMethodThatFails) {
@@ -554,6 +675,15 @@ TEST_F(Cli, CompareRefusesBadInput) {
   refused("--distances=1e-2,no", "--distances: 'no'");
   refused("--distances=3", "--distances: 3");
   refused("--shear=0", "--shear=0");
+  refused("--cases=near_jamming --steps=0", "--steps=0 must be in [1,");
+  refused("--cases=growth --steps=3", "--steps is of the case near_jamming");
+  refused("--cases=near_jamming=-1x",
+          "--cases: near_jamming=-1x: the value must be in (0, 1], or a "
+          "multiple of the distance as in 0.3x");
+  refused("--cases=near_jamming=x", "--cases: near_jamming=x: ");
+  refused("--cases=near_jamming=200x", "the strain must be in (0, 1]");
+  refused("--cases=growth=0.3x", "--cases: growth=0.3x");
+  refused("--reference=x", "--reference: no method is labelled 'x'");
   refused("--baseline=x", "no method is labelled 'x'");
   refused("--paper=table2", "--paper=table2");
   refused("--phi=0", "--phi=0");

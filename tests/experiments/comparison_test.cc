@@ -58,7 +58,23 @@ TEST(Comparison, CasesMayHaveValuesAndDistances) {
   EXPECT_EQ(cases[3].id, "near_jamming=1e-6 at 1e-3");
   EXPECT_EQ(cases[3].distance, 1e-3);
   EXPECT_EQ(cases[4].id, "user");
-  for (const char* bad : {"magic",
+  ASSERT_TRUE(ParseCases(
+      "near_jamming=1e-6,near_jamming=0.3x", {1e-4}, 1e-5, &cases, &error))
+      << error;
+  ASSERT_EQ(cases.size(), 2u);
+  EXPECT_FALSE(cases[0].relative);
+  EXPECT_EQ(StrainOf(cases[0]), 1e-6);
+  EXPECT_EQ(cases[1].id, "near_jamming=0.3x at 1e-4");
+  EXPECT_TRUE(cases[1].relative);
+  EXPECT_DOUBLE_EQ(StrainOf(cases[1]), 3e-5);
+  for (const char* bad : {"near_jamming=-1x",
+                          "near_jamming=0x",
+                          "near_jamming=x",
+                          "near_jamming=0.3xx",
+                          "near_jamming=infx",
+                          "near_jamming=101x",
+                          "growth=0.3x",
+                          "magic",
                           "",
                           "growth=",
                           "growth=-1",
@@ -115,6 +131,60 @@ TEST(Comparison, QuantilesAreLinearBetweenValuesAndKnowInfinity) {
   q = QuantilesOf({kInfinity, kInfinity, 2.0});
   EXPECT_TRUE(std::isinf(q.median));
   EXPECT_TRUE(std::isnan(QuantilesOf({}).median));
+}
+
+TEST(Comparison, MedianAndWorstKnowInfinity) {
+  MedianWorst value = MedianAndWorst({4.0, 1.0, 3.0});
+  EXPECT_EQ(value.median, 3.0);
+  EXPECT_EQ(value.worst, 4.0);
+  value = MedianAndWorst({1.0, kInfinity, 3.0});
+  EXPECT_EQ(value.median, 3.0);
+  EXPECT_TRUE(std::isinf(value.worst));
+  value = MedianAndWorst({1.0, kInfinity});
+  EXPECT_TRUE(std::isinf(value.median));
+  EXPECT_TRUE(std::isnan(MedianAndWorst({}).worst));
+}
+
+// Its ends solve (p - k/n)^2 = z^2 p (1 - p) / n.
+TEST(Comparison, WilsonsInterval) {
+  const double z2 = 1.959963984540054 * 1.959963984540054;
+  for (const int n : {1, 7, 30, 1000}) {
+    for (const int k : {0, 1, n / 2, n}) {
+      const Interval interval = Wilson(k, n);
+      EXPECT_LE(0.0, interval.low);
+      EXPECT_LE(interval.low, static_cast<double>(k) / n);
+      EXPECT_LE(static_cast<double>(k) / n, interval.high);
+      EXPECT_LE(interval.high, 1.0);
+      for (const double p : {interval.low, interval.high}) {
+        const double off = p - static_cast<double>(k) / n;
+        EXPECT_NEAR(off * off, z2 * p * (1.0 - p) / n, 1e-12) << k << " " << n;
+      }
+    }
+  }
+  EXPECT_EQ(Wilson(0, 10).low, 0.0);
+  EXPECT_NEAR(Wilson(0, 10).high, z2 / (10.0 + z2), 1e-15);
+  EXPECT_EQ(Wilson(10, 10).high, 1.0);
+  EXPECT_EQ(Wilson(0, 0).low, 0.0);
+  EXPECT_EQ(Wilson(0, 0).high, 1.0);
+}
+
+TEST(Comparison, RigidDistanceLeavesOutTranslationsAndRattlers) {
+  const std::vector<bool> first = {false, false, true, false};
+  const std::vector<bool> second = {false, false, false, true};
+  const std::vector<double> zero(8, 0.0);
+  EXPECT_EQ(RigidDistance({1, 2, 1, 2, 9, 9, 9, 9}, first, zero, second), 0.0);
+  EXPECT_EQ(RigidDistance({1, 2, 1.5, 2, 9, 9, 9, 9}, first, zero, second),
+            0.25);
+  EXPECT_EQ(RigidDistance({}, {}, {}, {}), 0.0);
+}
+
+TEST(Comparison, ReservedLettersAreNotGivenAgain) {
+  Minima minima;
+  const std::vector<bool> rigid = {false};
+  EXPECT_EQ(minima.Tag(1.0, 0.0, 1.0, 1e-3, {0, 0}, rigid), "A");
+  minima.Reserve(3);
+  EXPECT_EQ(minima.Tag(1.0, 0.0, 1.0, 1e-3, {0, 0}, rigid), "A");
+  EXPECT_EQ(minima.Tag(2.0, 0.0, 1.0, 1e-3, {0, 0}, rigid), "D");
 }
 
 TEST(Comparison, CrossingsAreNotedOnce) {
@@ -283,6 +353,197 @@ TEST_F(HandMade, UnequalCountsAreSaid) {
   const std::string text =
       TablesText(setup_, Tabulate(setup_, events_, runs_), runs_, false);
   EXPECT_NE(text.find("! L-BFGS: counts differ"), std::string::npos) << text;
+}
+
+// Three steps of two seeds; the last step of seed 2 rearranges. "good" costs
+// 10 x step iterations with repetitions of different times, "bad" never gets
+// there in the first steps and ends elsewhere in the one that rearranges.
+class Steps : public testing::Test {
+ protected:
+  static constexpr char kCase[] = "near_jamming=0.3x at 1e-4";
+
+  Steps() {
+    setup_.cases = {{kCase, "near_jamming", 0.3, 1e-4, true}};
+    setup_.methods = {{"good", "g"}, {"bad", "b"}};
+    setup_.seeds = {1, 2};
+    setup_.repetitions = 3;
+    setup_.steps = 3;
+    setup_.levels = {{false, 1e-7}};
+    setup_.baseline = "good";
+    for (int seed = 1; seed <= 2; ++seed) {
+      for (int step = 1; step <= 3; ++step) {
+        const bool rearranges = seed == 2 && step == 3;
+        StepRecord record;
+        record.case_id = kCase;
+        record.seed = seed;
+        record.step = step;
+        record.strain = 3e-5;
+        record.kind = rearranges ? kRearranging : kNonRearranging;
+        record.energy = 1.0;
+        record.minimum = "A";
+        steps_.push_back(record);
+        for (int r = 1; r <= 3; ++r) {
+          // The second repetition is the slow one.
+          const double seconds = step * (r == 2 ? 9.0 : 1.0);
+          Add("good", seed, step, r, 10 * step, seconds, true, "A", 1.0);
+          Add("bad",
+              seed,
+              step,
+              r,
+              100,
+              5.0,
+              step > 1,
+              rearranges  ? "B"
+              : step == 1 ? "-"
+                          : "A",
+              rearranges ? 0.5 : 1.0 + 1e-12);
+        }
+      }
+    }
+  }
+
+  void Add(const std::string& label,
+           int seed,
+           int step,
+           int repetition,
+           std::int64_t iterations,
+           double seconds,
+           bool reached,
+           const std::string& minimum,
+           double energy) {
+    RunRecord run;
+    run.key = {kCase,
+               static_cast<std::uint64_t>(seed),
+               repetition,
+               label,
+               "spec",
+               step};
+    run.converged = reached;
+    run.stop_reason = reached ? "CONVERGED" : "MAX_EVALUATIONS";
+    run.minimum = minimum;
+    run.energy = energy;
+    run.distance = 1e-4;
+    run.work.iterations = iterations;
+    run.work.cpu_seconds = seconds;
+    runs_.push_back(run);
+    if (reached) events_.push_back({run.key, {false, 1e-7}, run.work, energy});
+  }
+
+  ComparisonSetup setup_;
+  std::vector<Event> events_;
+  std::vector<RunRecord> runs_;
+  std::vector<StepRecord> steps_;
+};
+
+TEST_F(Steps, MedianWorstAndFailures) {
+  const std::vector<StepTable> tables =
+      TabulateSteps(setup_, events_, runs_, steps_);
+  ASSERT_EQ(tables.size(), 2u);
+  EXPECT_EQ(tables[0].kind, kNonRearranging);
+  EXPECT_EQ(tables[0].steps, 5);
+  EXPECT_EQ(tables[1].kind, "all");
+  EXPECT_EQ(tables[1].steps, 6);
+  EXPECT_EQ(tables[1].distance, 1e-4);
+  // Steps 1 1 2 2 3, and 1 1 2 2 3 3; times are medians of repetitions.
+  const StepRow& plain = tables[0].rows[0];
+  EXPECT_EQ(plain.steps, 5);
+  EXPECT_EQ(plain.failed, 0);
+  EXPECT_EQ(plain.iterations.median, 20.0);
+  EXPECT_EQ(plain.iterations.worst, 30.0);
+  EXPECT_EQ(plain.cpu_seconds.median, 2.0);
+  EXPECT_EQ(plain.cpu_seconds.worst, 3.0);
+  EXPECT_EQ(plain.same, 5);
+  EXPECT_EQ(plain.judged, 5);
+  EXPECT_EQ(plain.difference, 0.0);
+  // Two of five, two of six failed.
+  const StepRow& bad = tables[0].rows[1];
+  EXPECT_EQ(bad.failed, 2);
+  EXPECT_EQ(bad.iterations.median, 100.0);
+  EXPECT_TRUE(std::isinf(bad.iterations.worst));
+  EXPECT_EQ(bad.spent_iterations.worst, 100.0);
+  EXPECT_EQ(bad.judged, 3);
+  EXPECT_EQ(bad.same, 3);
+  EXPECT_EQ(bad.lower + bad.higher, 0);
+  const StepRow& all = tables[1].rows[1];
+  EXPECT_EQ(all.failed, 2);
+  EXPECT_EQ(all.judged, 4);
+  EXPECT_EQ(all.same, 3);
+  EXPECT_EQ(all.lower, 1);
+  EXPECT_EQ(all.higher, 0);
+  EXPECT_DOUBLE_EQ(all.difference, -0.5);
+  // A step that fails in one repetition has failed.
+  runs_[0].stop_reason = "MAX_SECONDS";
+  events_.erase(events_.begin());
+  EXPECT_EQ(TabulateSteps(setup_, events_, runs_, steps_)[0].rows[0].failed, 1);
+  // Without knowledge of the steps, over all of them; half of a comparison.
+  runs_.resize(6);
+  const std::vector<StepTable> unknown =
+      TabulateSteps(setup_, events_, runs_, {});
+  ASSERT_EQ(unknown.size(), 1u);
+  EXPECT_EQ(unknown[0].kind, "all");
+  EXPECT_EQ(unknown[0].steps, 1);
+  EXPECT_EQ(unknown[0].rows[0].judged, 0);
+  EXPECT_TRUE(std::isnan(unknown[0].rows[0].difference));
+}
+
+TEST_F(Steps, TheReferenceMayBeAMethod) {
+  EXPECT_TRUE(TabulateBasins(setup_, runs_, steps_).empty());
+  setup_.reference = "bad";
+  const std::vector<StepTable> tables =
+      TabulateSteps(setup_, events_, runs_, steps_);
+  EXPECT_EQ(tables[1].rows[0].judged, 4);
+  EXPECT_EQ(tables[1].rows[0].same, 3);
+  EXPECT_EQ(tables[1].rows[0].higher, 1);
+  std::vector<BasinRow> rows = TabulateBasins(setup_, runs_, steps_);
+  ASSERT_EQ(rows.size(), 3u);
+  EXPECT_EQ(rows[0].kind, "all");
+  EXPECT_EQ(rows[0].differ, 1);
+  EXPECT_EQ(rows[0].judged, 4);
+  EXPECT_EQ(rows[0].unknown, 2);
+  EXPECT_EQ(rows[1].kind, kNonRearranging);
+  EXPECT_EQ(rows[1].differ, 0);
+  EXPECT_EQ(rows[1].judged, 3);
+  EXPECT_EQ(rows[2].kind, kRearranging);
+  EXPECT_EQ(rows[2].differ, 1);
+  EXPECT_EQ(rows[2].judged, 1);
+  setup_.reference = "good";
+  rows = TabulateBasins(setup_, runs_, steps_);
+  EXPECT_EQ(rows[0].judged, 4);
+  EXPECT_EQ(rows[0].nowhere, 2);
+  EXPECT_EQ(rows[0].unknown, 0);
+  const std::string text = BasinsText(setup_, rows, false);
+  EXPECT_NE(text.find("1 of 4 (5-70 %)"), std::string::npos) << text;
+}
+
+TEST_F(Steps, FilesAreReadBackAsTheyWere) {
+  steps_[0].apart = kInfinity;
+  std::string error;
+  std::vector<StepRecord> steps;
+  ASSERT_TRUE(ParseSteps(StepsCsv(steps_), "s", &steps, &error)) << error;
+  EXPECT_EQ(StepsCsv(steps), StepsCsv(steps_));
+  std::string broken = StepsCsv(steps_);
+  broken.replace(broken.find("non-re"), 3, "");
+  broken.replace(broken.find("rearr"), 5, "Rearr");
+  EXPECT_FALSE(ParseSteps(broken, "s.csv", &steps, &error));
+  EXPECT_EQ(error.substr(0, 8), "s.csv:2:");
+  std::vector<RunRecord> runs;
+  ASSERT_TRUE(ParseRuns(RunsCsv(runs_), "r", &runs, &error)) << error;
+  EXPECT_EQ(runs.back().key.step, 3);
+  ComparisonSetup setup;
+  setup_.reference = "bad";
+  setup_.conditions = "prepared by good";
+  ASSERT_TRUE(ParseSetup(FormatSetup(setup_), "s", &setup, &error)) << error;
+  EXPECT_EQ(FormatSetup(setup), FormatSetup(setup_));
+  EXPECT_TRUE(setup.cases[0].relative);
+  EXPECT_EQ(setup.steps, 3);
+}
+
+TEST_F(HandMade, FilesOfEarlierComparisonsHaveNoSteps) {
+  std::string text = RunsCsv(runs_), error;
+  text.replace(text.find(",step,"), 6, ",other,");
+  std::vector<RunRecord> runs;
+  ASSERT_TRUE(ParseRuns(text, "r", &runs, &error)) << error;
+  EXPECT_EQ(runs[0].key.step, 1);
 }
 
 TEST_F(HandMade, FilesAreReadBackAsTheyWere) {
