@@ -192,13 +192,13 @@ bool LowerBounds(const Network& network,
 }
 
 std::string Grains(const std::vector<int>& grains) {
-  constexpr std::size_t kShown = 5;
-  std::string list = grains.size() == 1 ? "grain " : "grains ";
-  for (std::size_t k = 0; k < std::min(kShown, grains.size()); ++k) {
-    list += (k == 0 ? "" : ", ") + std::to_string(grains[k]);
+  constexpr std::size_t kNamed = 5;
+  if (grains.size() > kNamed) {
+    return Format("%d grains", static_cast<int>(grains.size()));
   }
-  if (grains.size() > kShown) {
-    list += Format(" and %d more", static_cast<int>(grains.size() - kShown));
+  std::string list = grains.size() == 1 ? "grain" : "grains";
+  for (std::size_t k = 0; k < grains.size(); ++k) {
+    list += (k == 0 ? " " : ", ") + std::to_string(grains[k]);
   }
   return list;
 }
