@@ -38,6 +38,11 @@ constexpr double kRitzTolerance = 1e-10;
 // wanted by more than this part of |A|.
 constexpr double kSameValue = 1e-13;
 
+// Where few eigenvalues are distinct, rounding decides all directions but a
+// few, and Spectra's small eigenproblem may fail to converge: it throws.
+// Another start and size help.
+constexpr int kAttempts = 4;
+
 // Orthonormal columns that span those of m.
 MatrixXd Orthonormal(const MatrixXd& m) {
   if (m.cols() == 0) return MatrixXd(m.rows(), 0);
@@ -167,31 +172,33 @@ bool RunLanczos(const Problem& problem,
                 MatrixXd* vectors,
                 std::string* message) {
   const Index n = problem.size();
-  const Index columns =
-      std::min(dimensions, std::max(2 * count + 1, count + 20));
-  // The engine is the same everywhere, the distributions are not.
-  std::mt19937_64 random(1);
-  VectorXd start(n);
-  for (Index i = 0; i < n; ++i) {
-    start[i] = std::ldexp(static_cast<double>(random() >> 11), -52) - 1.0;
-  }
-  start = problem.Project(start);
-  // Throws where its own small eigenproblem does not converge.
-  try {
-    Spectra::SymEigsSolver<Inverse> lanczos(*inverse, count, columns);
-    lanczos.init(start.data());
-    lanczos.compute(Spectra::SortRule::LargestAlge, max_restarts, tolerance);
-    *values = lanczos.eigenvalues().cwiseInverse().array() - inverse->shift();
-    *vectors = lanczos.eigenvectors();
-    if (lanczos.info() == Spectra::CompInfo::Successful) return true;
-    *message = Format("%d of %d eigenpairs after %d restarts",
-                      static_cast<int>(values->size()),
-                      static_cast<int>(count),
-                      max_restarts);
-  } catch (const std::exception& e) {
-    values->resize(0);
-    vectors->resize(n, 0);
-    *message = std::string("Lanczos failed: ") + e.what();
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
+    const Index columns =
+        std::min(dimensions, std::max(2 * count + 1, count + 20) + 7 * attempt);
+    // The engine is the same everywhere, the distributions are not.
+    std::mt19937_64 random(1 + attempt);
+    VectorXd start(n);
+    for (Index i = 0; i < n; ++i) {
+      start[i] = std::ldexp(static_cast<double>(random() >> 11), -52) - 1.0;
+    }
+    start = problem.Project(start);
+    try {
+      Spectra::SymEigsSolver<Inverse> lanczos(*inverse, count, columns);
+      lanczos.init(start.data());
+      lanczos.compute(Spectra::SortRule::LargestAlge, max_restarts, tolerance);
+      *values = lanczos.eigenvalues().cwiseInverse().array() - inverse->shift();
+      *vectors = lanczos.eigenvectors();
+      if (lanczos.info() == Spectra::CompInfo::Successful) return true;
+      *message = Format("%d of %d eigenpairs after %d restarts",
+                        static_cast<int>(values->size()),
+                        static_cast<int>(count),
+                        max_restarts);
+      return false;
+    } catch (const std::exception& e) {
+      values->resize(0);
+      vectors->resize(n, 0);
+      *message = std::string("Lanczos failed: ") + e.what();
+    }
   }
   return false;
 }
@@ -295,10 +302,12 @@ bool FindSparse(const Problem& problem,
     inverse->LeaveOut(MatrixXd(problem.size(), 0));
     if (!done) return false;
     const double last = (*values)[count - 1];
+    RayleighRitz(problem, new_vectors, more, &new_values, &new_vectors);
+    const bool complete = !(new_values[0] < last - kSameValue);
     MatrixXd both(problem.size(), vectors->cols() + more);
     both << *vectors, new_vectors;
     RayleighRitz(problem, both, count, values, vectors);
-    if (!((*values)[count - 1] < last - kSameValue)) break;
+    if (complete) break;
   }
   return true;
 }

@@ -310,7 +310,7 @@ TEST(Stability, SqueezedGrainsCountAndBuckle) {
     const Certificate c = CertifyAtRest(
         MakePacking(Box(edges), x, std::vector<double>(n, 0.51)), 2.0);
     EXPECT_EQ(c.verdict, StabilityVerdict::SADDLE) << c.message;
-    EXPECT_EQ(c.grains, n);
+    ASSERT_EQ(c.grains, n);
     // Every other grain to the side: -(f / l) 2 (1 - cos pi).
     EXPECT_NEAR(c.lowest_eigenvalue, -4.0 * 0.02, 1e-13);
     EXPECT_NEAR(c.modes[0].participation, 1.0, 1e-12);
@@ -330,6 +330,13 @@ TEST(Stability, PiecesThatDoNotTouchAreNotCertified) {
   EXPECT_EQ(c.message,
             "2 pieces (1, 1 grains) that do not touch each other and may each "
             "translate");
+  // Nearly in touch is not in touch.
+  x(0, 1) = 0.1;
+  x(1, 1) = 1.03;
+  const Certificate near =
+      CertifyAtRest(MakePacking(Box(edges), x, {0.51, 0.51}), 2.0);
+  EXPECT_EQ(near.verdict, StabilityVerdict::DISCONNECTED) << near.message;
+  EXPECT_NEAR(near.smallest_gap, 0.01 / 0.02, 1e-12);
 }
 
 TEST(Stability, ASingleGrainCanOnlyTranslate) {

@@ -216,6 +216,33 @@ TEST(LowestModes, MultipleAndClusteredEigenvaluesAreComplete) {
   }
 }
 
+// So many copies that rounding alone does not find them all.
+TEST(LowestModes, HighlyMultipleEigenvaluesAreComplete) {
+  struct Case {
+    int length, copies, count;
+  };
+  for (const Case& c : {Case{20, 10, 5},
+                        Case{20, 40, 20},
+                        Case{200, 10, 5},
+                        Case{2, 40, 20},
+                        Case{2, 200, 12},
+                        Case{1, 100, 7}}) {
+    SCOPED_TRACE(std::to_string(c.copies) + " of " + std::to_string(c.length));
+    std::vector<Eigen::Triplet<double>> entries;
+    for (int i = 0; i < c.copies * c.length; ++i) {
+      entries.emplace_back(i, i, 2.0);
+      if (i % c.length != 0) entries.emplace_back(i, i - 1, -1.0);
+    }
+    const SparseMatrix chains = Lower(c.copies * c.length, entries);
+    const LowestModes modes = Modes(chains, c.count);
+    Check(chains, modes);
+    for (int k = 0; k < c.count; ++k) {
+      EXPECT_NEAR(
+          modes.values[k], ChainValue(c.length, 1 + k / c.copies), 1e-13);
+    }
+  }
+}
+
 TEST(LowestModes, AgreeWithADenseMethod) {
   for (const int n : {1, 2, 5, 48, 49, 60, 150}) {
     for (const double diagonal : {-5.0, 0.0, 5.0}) {
