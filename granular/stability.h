@@ -26,8 +26,8 @@ const char* StabilityVerdictName(StabilityVerdict verdict);
 
 struct StabilityOptions {
   // tau: eigenvalues within +-tau kappa of zero count as zero. Roundoff in H is
-  // some 1e-15 kappa; the lowest eigenvalue of 4096 discs a relative 1e-8 above
-  // jamming is above 1e-7 kappa.
+  // some 1e-15 kappa; the lowest eigenvalue of 1024 to 4096 discs was 2e-7 to
+  // 1e-5 kappa between 1e-8 and 1e-6 above jamming.
   double zero = 1e-10;
   // Up to max|g| / mean force = this, a point without a proof counts as
   // stationary.
