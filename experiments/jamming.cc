@@ -11,6 +11,7 @@
 #include <limits>
 #include <string>
 
+#include "experiments/certificate.h"
 #include "experiments/run.h"
 #include "experiments/scene.h"
 #include "granular/quad_residual.h"
@@ -38,6 +39,7 @@ int Main() {
     if (!IsGiven("epsilon")) FLAGS_epsilon = 1e-4;
     if (!IsGiven("error_bar")) FLAGS_error_bar = 1e-6;
   }
+  CheckCertificateFlags();
   CheckRange("phi_init", FLAGS_phi_init, 0.0, 4.0);
   CheckPositive("dphi", FLAGS_dphi);
   CheckPositive("epsilon", FLAGS_epsilon);
@@ -67,18 +69,18 @@ int Main() {
 
   Output output;
   output.Create(FLAGS_out,
-                {"summary.json",
-                 "packing.xyz",
-                 "contacts.csv",
-                 "path.csv",
-                 "stage_initial.xyz",
-                 "stage_unjammed.xyz",
-                 "packing.svg",
-                 "packing.png",
-                 "stages.svg",
-                 "stages.png",
-                 "path.svg",
-                 "path.png"});
+                WithCertificateFiles({"summary.json",
+                                      "packing.xyz",
+                                      "contacts.csv",
+                                      "path.csv",
+                                      "stage_initial.xyz",
+                                      "stage_unjammed.xyz",
+                                      "packing.svg",
+                                      "packing.png",
+                                      "stages.svg",
+                                      "stages.png",
+                                      "path.svg",
+                                      "path.png"}));
   std::printf("jamming   %s (%s), alpha = %g\n",
               Describe(scene.packing).c_str(),
               scene.origin.c_str(),
@@ -219,10 +221,12 @@ int Main() {
   json["slope_from_branch"] = result.secant;
   json["state"] = RelaxationJson(result.jammed);
   json["state"]["quad_relative_residual"] = judge.Relative();
-  json["provenance"] = Provenance();
 
   output.WritePacking("packing.xyz", Annotated(result.jammed, scene.energy));
   output.Write("contacts.csv", ContactsCsv(result.jammed));
+  const std::string certificate = PublishCertificate(
+      result.jammed.packing, scene.energy, "contacts.csv", &output, &json);
+  json["provenance"] = Provenance();
   output.WritePacking("stage_initial.xyz", result.start);
   output.WritePacking("stage_unjammed.xyz", result.unjammed);
   output.WriteJson("summary.json", json);
@@ -273,6 +277,7 @@ int Main() {
   std::printf(
       "  residual      %.1e mean forces, judged in quadruple precision\n",
       judge.Relative());
+  if (!certificate.empty()) std::printf("  %s", certificate.c_str());
   if (result.cycles > 1) {
     std::printf(
         "  branches      %d: the earlier ones lost stability at a finite "

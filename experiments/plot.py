@@ -6,6 +6,8 @@
         stage_initial.xyz, stage_unjammed.xyz, packing.xyz + contacts.csv
     plot.py path PATH.csv OUT [--phi_j=PHI] [--alpha=2] [--dimension=2]
         energy, pressure and coordination along a jamming path
+    plot.py mode MODES.xyz CONTACTS.csv MODES.csv OUT [--number=1]
+        a normal mode: arrows on the packing
     plot.py trace TRACE.csv OUT
         residual against iterations and seconds
     plot.py curves CURVES.csv OUT [--cases=A;B] [--level=relative:1e-10 ...]
@@ -162,6 +164,29 @@ def ReadPacking(path):
   index = {name: k for k, name in enumerate(order)}
   return Packing(cell, positions[:, :d], radii,
                  (order, np.array([index[name] for name in names])))
+
+
+def ReadVectors(path, name, packing):
+  """A column of three numbers a grain of a file that ReadPacking() has read."""
+  lines = ReadText(path).splitlines()
+  fields = re.search(r"Properties=(\S+)", lines[1]).group(1).strip('"').split(":")
+  at = 0
+  for field, width in zip(fields[0::3], fields[2::3]):
+    if field == name:
+      break
+    at += int(width)
+  else:
+    raise InputError("%s:2: Properties lacks %s" % (path, name))
+  count, d = packing.positions.shape
+  vectors = np.empty((count, 3))
+  for k in range(count):
+    try:
+      vectors[k] = [float(word) for word in lines[2 + k].split()[at:at + 3]]
+    except ValueError:
+      raise InputError("%s:%d: %s: three numbers expected" % (path, 3 + k, name))
+  if not np.isfinite(vectors).all() or not vectors.any():
+    raise InputError("%s: %s must be finite and not zero" % (path, name))
+  return vectors[:, :d]
 
 
 def ReadTable(path, required, words=(), optional=()):
@@ -449,9 +474,12 @@ def Segments(view, groups, colour):
       rasterized=len(view.packing.radii) > RASTER_ABOVE))
 
 
-def DrawFlat(view, contacts):
+def DrawFlat(view, contacts, draw=None):
+  """Force chains, or what `draw` draws, on discs."""
   artists = DrawDiscs(view, MarkedRattlers(view.packing, contacts))
-  groups = ForceGroups(view, contacts)
+  groups = [] if draw else ForceGroups(view, contacts)
+  if draw:
+    artists += draw()
   if groups:
     artists.append(Segments(view, groups, lambda depth, force: ForceColour(force)))
   clip = Polygon(view.Ring(1.0), transform=view.ax.transData)
@@ -598,6 +626,68 @@ def PackingFigure(arguments):
     Label(figure, width / 2, foot + height + 0.53, arguments.title.replace("$", r"\$"),
           side, ha="center", fontsize=15, fontweight="bold")
   Key(figure, view, contacts, foot / 2)
+  return figure
+
+
+# In mean radii: of the mean square over grains that move, and at most.
+MEAN_ARROW, LONGEST_ARROW = 1.3, 4.5
+
+
+def DrawArrows(view, vectors):
+  """Arrows from the centres."""
+  packing = view.packing
+  length = np.linalg.norm(vectors, axis=1)
+  radius = np.mean(packing.radii)
+  typical = math.sqrt(np.mean(length[length > 0]**2))
+  arrows = vectors * radius * min(LONGEST_ARROW / length.max(), MEAN_ARROW / typical)
+  # Shorter ones would be dots.
+  shown = np.nonzero(length > 0.02 * length.max())[0]
+  start = view.fractions[shown]
+  if view.d == 2:
+    end = start + arrows[shown] @ view.inverse
+    which, shifts = view.Copies(np.minimum(start, end), np.maximum(start, end))
+    start, shown = start[which] + shifts, shown[which]
+  points = (start @ packing.cell)[:, :2]
+  width = min(0.16 * radius * view.points, 2.0)
+  colour = Mix(BLUE, INK, 0.25)
+  if view.d == 3:
+    colour = [Fogged(colour, depth / DEPTHS) for depth in Depth(start)]
+  return view.ax.quiver(
+      points[:, 0], points[:, 1], arrows[shown, 0], arrows[shown, 1],
+      angles="xy", scale_units="xy", scale=1, units="inches", width=width / 72,
+      headwidth=4, headlength=4.5, headaxislength=4, minlength=0.5,
+      color=colour, zorder=2 if view.d == 2 else 2 + DEPTHS + 1)
+
+
+def ModeFigure(arguments):
+  packing = ReadPacking(arguments.packing)
+  contacts = ReadContacts(arguments.contacts, packing)
+  table = ReadTable(arguments.table,
+                    ("mode", "relative_eigenvalue", "participation", "half"))
+  row = np.nonzero(table["mode"] == arguments.number)[0]
+  if len(row) == 0:
+    raise InputError("%s: no mode %d" % (arguments.table, arguments.number))
+  row = row[0]
+  vectors = ReadVectors(arguments.packing, "mode_%d" % arguments.number, packing)
+  width, side = 6.6, 6.4
+  height, foot = Space(packing, side)
+  figure = plt.figure(figsize=(width, height + 0.76 + foot))
+  view = View(figure, packing, 0.1, foot, side, height)
+  if view.d == 2:
+    DrawFlat(view, contacts, lambda: [DrawArrows(view, vectors)])
+  else:
+    DrawProjection(view, contacts._replace(force=0 * contacts.force))
+    DrawArrows(view, vectors)
+  words = [r"$\lambda_{%d} = %s\,\kappa$" %
+           (arguments.number, Scientific(table["relative_eigenvalue"][row])),
+           "participation $%.2g$" % table["participation"][row],
+           "half of it on %d of %d grains" %
+           (table["half"][row], np.sum(~Rattlers(packing, contacts)))]
+  Label(figure, width / 2, foot + height + 0.48, "     ".join(words), side, ha="center",
+        fontsize=13.5)
+  Label(figure, width / 2, foot + height + 0.18,
+        "     ".join(Describe(packing, contacts)), side, ha="center", fontsize=11.5)
+  Key(figure, view, contacts._replace(force=0 * contacts.force), foot / 2)
   return figure
 
 
@@ -1413,6 +1503,13 @@ def Arguments(words):
   command.add_argument("directory")
   command.add_argument("out")
   command.set_defaults(figure=StagesFigure)
+  command = commands.add_parser("mode")
+  command.add_argument("packing")
+  command.add_argument("contacts")
+  command.add_argument("table")
+  command.add_argument("out")
+  command.add_argument("--number", type=int, default=1)
+  command.set_defaults(figure=ModeFigure)
   command = commands.add_parser("path")
   command.add_argument("table")
   command.add_argument("out")

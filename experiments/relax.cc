@@ -6,7 +6,8 @@
 //         --out=DIR
 //
 // Writes DIR/summary.json, DIR/packing.xyz, DIR/contacts.csv, DIR/trace.csv and
-// two figures. Scripts may rely on flags, files and exit status.
+// two figures; with --modes=K also modes.csv, modes.xyz and mode.svg, see
+// certificate.h. Scripts may rely on flags, files and exit status.
 
 #include <algorithm>
 #include <cmath>
@@ -15,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "experiments/certificate.h"
 #include "experiments/run.h"
 #include "experiments/scene.h"
 #include "granular/quad_residual.h"
@@ -52,6 +54,7 @@ int Main() {
   CheckRange("simple_shear", FLAGS_simple_shear, -1e3, 1e3);
   CheckRange("pure_shear", FLAGS_pure_shear, -0.99, 1e3);
   CheckRange("perturb", FLAGS_perturb, 0.0, 1.0);
+  CheckCertificateFlags();
   CheckRange("max_seconds", FLAGS_max_seconds, 0.0, 1e300);
   CheckRange("max_evaluations", FLAGS_max_evaluations, 0.0, 9e18);
   if (FLAGS_smoke && !IsGiven("particles") && FLAGS_input.empty()) {
@@ -82,14 +85,14 @@ int Main() {
   CheckScene(scene);
   Output output;
   output.Create(FLAGS_out,
-                {"summary.json",
-                 "packing.xyz",
-                 "contacts.csv",
-                 "trace.csv",
-                 "packing.svg",
-                 "packing.png",
-                 "trace.svg",
-                 "trace.png"});
+                WithCertificateFiles({"summary.json",
+                                      "packing.xyz",
+                                      "contacts.csv",
+                                      "trace.csv",
+                                      "packing.svg",
+                                      "packing.png",
+                                      "trace.svg",
+                                      "trace.png"}));
   std::printf(
       "relax     %s (%s)\n", Describe(packing).c_str(), scene.origin.c_str());
   std::printf("          phi = %.6f, contact energy k delta^%g / %g, k = %g\n",
@@ -157,9 +160,11 @@ int Main() {
   json["dimension"] = d;
   json["particles"] = packing.size();
   json["schema"] = "granopt/relax/1";
-  json["provenance"] = Provenance();
   output.WritePacking("packing.xyz", Annotated(result, scene.energy));
   output.Write("contacts.csv", ContactsCsv(result));
+  const std::string certificate = PublishCertificate(
+      result.packing, scene.energy, "contacts.csv", &output, &json);
+  json["provenance"] = Provenance();
   output.Write("trace.csv", TraceCsv(result.summary));
   output.WriteJson("summary.json", json);
   output.Plot({"packing",
@@ -196,6 +201,7 @@ int Main() {
       "(forces agree to %.0e)\n",
       judge.Relative(),
       force_error);
+  if (!certificate.empty()) std::printf("  %s", certificate.c_str());
   std::printf(
       "  work          %lld iterations, %lld evaluations, %.3g s "
       "(%.0f %% in the energy)\n",

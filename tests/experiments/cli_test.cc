@@ -91,6 +91,66 @@ const char kHeader[] =
     "Lattice=\"1 0 0 0 1 0 0 0 1\" Properties=species:S:1:pos:R:3:radius:R:1 "
     "pbc=\"T T F\"\n";
 
+TEST_F(Cli, ResultsAreCertified) {
+  const std::string input =
+      "--input=" GRANOPT_TEST_DATA "/n256_phi0.8438_a2_relaxed.xyz";
+  const Outcome run = Do("relax", input + " --modes=3 --out=out");
+  ASSERT_EQ(run.status, 0) << run.out << run.err;
+  EXPECT_NE(run.out.find("\n  certificate   strict minimum: lowest eigenvalue"),
+            std::string::npos)
+      << run.out;
+  const auto json = nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
+  const auto& certificate = json.at("certificate");
+  EXPECT_EQ(certificate.at("verdict"), "strict minimum");
+  EXPECT_EQ(certificate.at("strict_minimum"), true);
+  EXPECT_GT(certificate.at("lowest_eigenvalue"), 1e-4);
+  EXPECT_EQ(Lines(Slurp(folder_ + "/out/modes.csv")), 4);
+  // The packing, with columns that a reader of packings skips.
+  Packing packing, modes;
+  std::string error;
+  ASSERT_TRUE(ReadPacking(folder_ + "/out/packing.xyz", &packing, &error))
+      << error;
+  ASSERT_TRUE(ReadPacking(folder_ + "/out/modes.xyz", &modes, &error)) << error;
+  EXPECT_EQ(packing.positions, modes.positions);
+  EXPECT_NE(Slurp(folder_ + "/out/modes.xyz").find(":mode_3:R:3"),
+            std::string::npos);
+  // Not asked for, no files; an earlier run's are gone.
+  const Outcome plain = Do("relax", input + " --certify=false --out=out");
+  EXPECT_EQ(plain.out.find("certificate"), std::string::npos);
+  EXPECT_FALSE(Exists(folder_ + "/out/modes.csv"));
+  EXPECT_FALSE(nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"))
+                   .contains("certificate"));
+  // A saddle is called one; the method did converge.
+  std::string square = "4\n";
+  square += kHeader;
+  for (const char* x : {"0 0", "0.5 0", "0 0.5", "0.5 0.5"}) {
+    square += std::string("A ") + x + " 0 0.26\n";
+  }
+  const Outcome saddle =
+      Do("relax", "--input=" + File("square.xyz", square) + " --out=out");
+  EXPECT_EQ(saddle.status, 0);
+  EXPECT_NE(saddle.out.find("certificate   stationary, not a minimum"),
+            std::string::npos)
+      << saddle.out;
+  const Outcome jamming = Do("jamming", "--smoke --out=out");
+  EXPECT_EQ(jamming.status, 0);
+  EXPECT_NE(jamming.out.find("certificate   strict minimum"), std::string::npos)
+      << jamming.out;
+  EXPECT_EQ(nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"))
+                .at("certificate")
+                .at("strict_minimum"),
+            true);
+}
+
+TEST_F(Cli, ModesWithoutACertificateAreRefused) {
+  ExpectRefused("relax",
+                "--particles=16 --modes=2 --nocertify --out=out",
+                "--modes needs --certify");
+  ExpectRefused("jamming",
+                "--particles=16 --modes=-1 --out=out",
+                "--modes=-1 must be in [0, 1000]");
+}
+
 TEST_F(Cli, RelaxFollowsItsInterface) {
   const Outcome run =
       Do("relax",

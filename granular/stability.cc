@@ -1,0 +1,565 @@
+#include "granular/stability.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <numeric>
+
+#include "granular/observables.h"
+#include "solvers/format.h"
+#include "solvers/lowest_modes.h"
+#include "solvers/normalize.h"
+#include "solvers/sparse_cholesky.h"
+
+namespace granopt {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// A removed grain counts all the same if one of its contacts carries more than
+// this many residuals and this part of the mean force: rattlers that a
+// minimization left in touch carry about a residual.
+constexpr double kLoadedResiduals = 1e3;
+constexpr double kLoadedForce = 1e-8;
+
+// Error of an entry of the gradient, in mean forces.
+constexpr double kGradientError = 16.0 * std::numeric_limits<double>::epsilon();
+
+// R / nu. Any number above 4 does.
+constexpr double kRegion = 4.0 * (1.0 + 1e-9);
+
+// Kept positive for the rounding of H_- and of its factor, in kappa.
+constexpr double kRoundoff = 1e-13;
+
+// Separations that may change by more than this part of the least one are
+// beyond what the bounds are made for.
+constexpr double kLargestMotion = 1e-2;
+
+// Two grains that count, a contact or a gap, in units of `Network`.
+struct Link {
+  int i = 0;  // among those that count
+  int j = 0;
+  SmallVector normal;
+  double overlap = 0.0;  // negative: a gap
+  double distance = 0.0;
+  double force = 0.0;
+  double stiffness = 0.0;  // of a contact; k of a gap
+};
+
+// Its block of the Hessian: a n (x) n + b 1.
+struct Block {
+  double a = 0.0;
+  double b = 0.0;
+};
+
+Block BlockOf(const Link& link) {
+  if (!(link.overlap > 0.0)) return {};
+  const double tension = link.force / link.distance;
+  return {link.stiffness + tension, -tension};
+}
+
+// The grains that count in units in which kappa and the mean overlap lie in
+// [1, 2).
+struct Network {
+  int dimension = 0;
+  std::vector<int> grains;  // that count, by their index in the packing
+  std::vector<Link> links;
+  int held = 0;                 // that with most contacts, in `grains`
+  double stiffness_unit = 1.0;  // powers of two
+  double length_unit = 1.0;
+  double stiffness = 0.0;  // kappa, in that unit
+  double mean_force = 0.0;
+  double mean_overlap = 0.0;
+
+  int size() const { return static_cast<int>(grains.size()); }
+};
+
+// The lower triangle; without the rows and columns of grain `held` unless < 0.
+SparseMatrix Assemble(const Network& network,
+                      const std::vector<Block>& blocks,
+                      int held) {
+  const int d = network.dimension;
+  const int n = network.size() - (held < 0 ? 0 : 1);
+  const auto place = [&](int i) {
+    return held < 0 || i < held ? i : (i == held ? -1 : i - 1);
+  };
+  std::vector<Eigen::Triplet<double>> entries;
+  entries.reserve(network.links.size() * (2 * d * d + d) +
+                  static_cast<std::size_t>(n) * d);
+  // The diagonal is there even if it is zero.
+  for (int v = 0; v < n * d; ++v) entries.emplace_back(v, v, 0.0);
+  for (std::size_t l = 0; l < network.links.size(); ++l) {
+    const Link& link = network.links[l];
+    const Block& block = blocks[l];
+    if (link.i == link.j || (block.a == 0.0 && block.b == 0.0)) continue;
+    const int i = place(link.i);
+    const int j = place(link.j);
+    for (int r = 0; r < d; ++r) {
+      for (int c = 0; c < d; ++c) {
+        const double value = block.a * link.normal[r] * link.normal[c] +
+                             (r == c ? block.b : 0.0);
+        if (i >= 0 && r >= c) entries.emplace_back(d * i + r, d * i + c, value);
+        if (j >= 0 && r >= c) entries.emplace_back(d * j + r, d * j + c, value);
+        if (i >= 0 && j >= 0) {
+          entries.emplace_back(
+              d * std::max(i, j) + r, d * std::min(i, j) + c, -value);
+        }
+      }
+    }
+  }
+  SparseMatrix matrix(n * d, n * d);
+  matrix.setFromTriplets(entries.begin(), entries.end());
+  return matrix;
+}
+
+// Grains in each piece that contacts connect, largest first.
+std::vector<int> Pieces(const Network& network) {
+  std::vector<int> root(network.size());
+  std::iota(root.begin(), root.end(), 0);
+  const auto find = [&root](int i) {
+    while (root[i] != i) i = root[i] = root[root[i]];
+    return i;
+  };
+  for (const Link& link : network.links) {
+    if (link.overlap > 0.0) root[find(link.i)] = find(link.j);
+  }
+  std::vector<int> size(network.size(), 0);
+  for (int i = 0; i < network.size(); ++i) ++size[find(i)];
+  size.erase(std::remove(size.begin(), size.end(), 0), size.end());
+  std::sort(size.rbegin(), size.rend());
+  return size;
+}
+
+// What is known of any point of B, see the header.
+struct Region {
+  double radius = 0.0;     // R
+  double lambda = 0.0;     // lowest eigenvalue of H
+  double prestress = 0.0;  // bound of |H_p|
+  double alpha = 2.0;
+};
+
+// 2 H_- - H, link by link; false if separations may change too much for that.
+bool LowerBounds(const Network& network,
+                 const Region& region,
+                 std::vector<Block>* bounds,
+                 int* undecided) {
+  const double motion = std::sqrt(2.0 / region.lambda) * region.radius;
+  const double along =
+      std::sqrt(1.0 + region.prestress / region.lambda) * region.radius;
+  *undecided = 0;
+  bounds->assign(network.links.size(), Block());
+  for (std::size_t l = 0; l < network.links.size(); ++l) {
+    const Link& link = network.links[l];
+    if (link.i == link.j) continue;
+    if (!(motion < kLargestMotion * link.distance)) return false;
+    Block lower;
+    if (link.overlap > 0.0) {
+      const double closer =
+          link.stiffness > 0.0
+              ? std::min(motion, along / std::sqrt(link.stiffness))
+              : motion;
+      const double shortest = link.distance - closer;
+      // The second term is the way that a sideways motion lengthens.
+      const double farther = closer + motion * motion / (2.0 * shortest);
+      const double least = 1.0 - farther / link.overlap;  // overlap, relative
+      const double most = 1.0 + closer / link.overlap;
+      if (!(least > 0.0)) ++*undecided;
+      double q = 0.0;  // of n (x) n in the Hessian, stiffness + force / length
+      if (least > 0.0) {
+        q = link.stiffness * std::pow(least, region.alpha - 2.0) +
+            link.force * std::pow(least, region.alpha - 1.0) /
+                (link.distance + farther);
+      }
+      // |n' (x) n' - n (x) n| is the sine of the angle between n' and n.
+      lower.a = q;
+      lower.b = -(q * motion / shortest +
+                  link.force * std::pow(most, region.alpha - 1.0) / shortest);
+    } else if (motion > -link.overlap) {
+      ++*undecided;
+      lower.b = -link.stiffness *
+                std::pow(motion + link.overlap, region.alpha - 1.0) /
+                (link.distance - motion);
+    }
+    const Block now = BlockOf(link);
+    (*bounds)[l] = {2.0 * lower.a - now.a, 2.0 * lower.b - now.b};
+  }
+  return true;
+}
+
+std::string Grains(const std::vector<int>& grains) {
+  constexpr std::size_t kNamed = 5;
+  if (grains.size() > kNamed) {
+    return Format("%d grains", static_cast<int>(grains.size()));
+  }
+  std::string list = grains.size() == 1 ? "grain" : "grains";
+  for (std::size_t k = 0; k < grains.size(); ++k) {
+    list += (k == 0 ? " " : ", ") + std::to_string(grains[k]);
+  }
+  return list;
+}
+
+std::string ModeLine(const Certificate& c) {
+  const NormalMode& mode = c.modes[0];
+  return Format(
+             "lowest eigenvalue %.1e of the mean stiffness, participation "
+             "%.2g, half of it on ",
+             c.lowest_eigenvalue,
+             mode.participation) +
+         Grains(mode.carriers);
+}
+
+NormalMode MakeMode(const Network& network,
+                    const VectorXd& vector,
+                    int num_grains) {
+  const int d = network.dimension;
+  const int n = network.size();
+  NormalMode mode;
+  mode.displacement.setZero(d, num_grains);
+  VectorXd weight(n);
+  for (int i = 0; i < n; ++i) {
+    weight[i] = vector.segment(d * i, d).squaredNorm();
+    mode.displacement.col(network.grains[i]) = vector.segment(d * i, d);
+  }
+  const double sum = weight.sum();
+  mode.participation = sum * sum / (n * weight.squaredNorm());
+  std::vector<int> order(n);
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+    return weight[a] > weight[b];
+  });
+  double carried = 0.0;
+  // Rounding must not ask for one more of grains that are alike.
+  for (int k = 0; k < n && carried < (0.5 - 1e-9) * sum; ++k) {
+    carried += weight[order[k]];
+    mode.carriers.push_back(network.grains[order[k]]);
+  }
+  return mode;
+}
+
+// The grains that count and every pair of them that touches or nearly does.
+// Fills in what the certificate says of them.
+Network MakeNetwork(const ContactEnergy& energy,
+                    const double* u,
+                    double relative_residual,
+                    const Observables& observables,
+                    const std::vector<Contact>& contacts,
+                    Certificate* certificate) {
+  Network network;
+  network.dimension = energy.BlockSize();
+  const int num_grains = observables.grains;
+  std::vector<bool> counts(num_grains);
+  for (int i = 0; i < num_grains; ++i) counts[i] = !observables.is_rattler[i];
+  const double loaded =
+      observables.mean_force *
+      std::max(kLoadedForce, kLoadedResiduals * relative_residual);
+  for (const Contact& c : contacts) {
+    if (c.force > loaded) counts[c.id.i] = counts[c.id.j] = true;
+  }
+  std::vector<int> place(num_grains, -1);
+  for (int i = 0; i < num_grains; ++i) {
+    if (!counts[i]) continue;
+    place[i] = network.size();
+    network.grains.push_back(i);
+  }
+  const auto both_count = [&](const GapId& id) {
+    return place[id.i] >= 0 && place[id.j] >= 0;
+  };
+
+  double force = 0.0;
+  double overlap = 0.0;
+  double other = 0.0;
+  std::vector<int> degree(network.size(), 0);
+  for (const Contact& c : contacts) {
+    if (!both_count(c.id)) {
+      other = std::max(other, c.force);
+      continue;
+    }
+    ++certificate->contacts;
+    force += c.force;
+    overlap += c.overlap;
+    ++degree[place[c.id.i]];
+    ++degree[place[c.id.j]];
+  }
+  certificate->grains = network.size();
+  if (certificate->contacts == 0) return network;
+  force /= certificate->contacts;
+  overlap /= certificate->contacts;
+  certificate->other_force = other / force;
+  certificate->mean_overlap = overlap;
+  certificate->stiffness = (energy.Exponent() - 1.0) * force / overlap;
+  network.held = static_cast<int>(
+      std::max_element(degree.begin(), degree.end()) - degree.begin());
+
+  network.stiffness_unit = NormalizingPower(certificate->stiffness);
+  network.length_unit = NormalizingPower(overlap);
+  const double force_unit = network.stiffness_unit * network.length_unit;
+  network.stiffness = network.stiffness_unit * certificate->stiffness;
+  network.mean_overlap = network.length_unit * overlap;
+  network.mean_force = force_unit * force;
+  double smallest = kInfinity;
+  for (const Contact& c : contacts) {
+    if (!both_count(c.id)) continue;
+    Link link;
+    link.i = place[c.id.i];
+    link.j = place[c.id.j];
+    link.normal = c.normal;
+    link.overlap = network.length_unit * c.overlap;
+    link.distance = network.length_unit * c.distance;
+    link.force = force_unit * c.force;
+    link.stiffness = network.stiffness_unit * c.stiffness;
+    network.links.push_back(link);
+    smallest = std::min(smallest, c.overlap);
+  }
+  certificate->smallest_overlap = smallest / overlap;
+
+  certificate->smallest_gap = kInfinity;
+  Gaps gaps;
+  const Packing at = energy.Configuration(u);
+  if (energy.EvaluateGaps(u, &gaps)) {
+    // k delta^(alpha-1) is a force: k in those units.
+    const double unit =
+        force_unit / std::pow(network.length_unit, energy.Exponent() - 1.0);
+    for (std::size_t g = 0; g < gaps.ids.size(); ++g) {
+      const GapId& id = gaps.ids[g];
+      if (!both_count(id) || gaps.delta[g] > 0.0) continue;
+      Link link;
+      link.i = place[id.i];
+      link.j = place[id.j];
+      link.normal = SmallVector::Zero(network.dimension);
+      link.overlap = network.length_unit * gaps.delta[g];
+      link.distance = network.length_unit *
+                      (at.radii[id.i] + at.radii[id.j] - gaps.delta[g]);
+      link.stiffness = unit * gaps.stiffness[g];
+      network.links.push_back(link);
+      certificate->smallest_gap =
+          std::min(certificate->smallest_gap, -gaps.delta[g] / overlap);
+    }
+  }
+  return network;
+}
+
+}  // namespace
+
+const char* StabilityVerdictName(StabilityVerdict verdict) {
+  switch (verdict) {
+    case StabilityVerdict::STRICT_MINIMUM:
+      return "strict minimum";
+    case StabilityVerdict::SADDLE:
+      return "stationary, not a minimum";
+    case StabilityVerdict::NOT_CERTIFIED:
+      return "stationary, not certified";
+    case StabilityVerdict::NOT_STATIONARY:
+      return "not stationary";
+    case StabilityVerdict::DISCONNECTED:
+      return "not certified, disconnected";
+    case StabilityVerdict::UNJAMMED:
+      return "unjammed";
+    case StabilityVerdict::FAILED:
+      break;
+  }
+  return "not certified";
+}
+
+Certificate Certify(const ContactEnergy& original,
+                    const double* u,
+                    const StabilityOptions& options) {
+  Certificate certificate;
+  const auto conclude = [&certificate](StabilityVerdict verdict,
+                                       const std::string& message) {
+    certificate.verdict = verdict;
+    certificate.message = message;
+    return certificate;
+  };
+  for (int v = 0; v < original.NumParameters(); ++v) {
+    if (!std::isfinite(u[v])) {
+      return conclude(StabilityVerdict::FAILED, "displacements are not finite");
+    }
+  }
+  // A list of its own: it holds every gap up to its skin.
+  std::string error;
+  const Packing packing = original.Configuration(u);
+  const std::unique_ptr<ContactEnergy> energy =
+      ContactEnergy::Create(packing, original.options(), &error);
+  if (energy == nullptr) return conclude(StabilityVerdict::FAILED, error);
+  const std::vector<double> zero(energy->NumParameters(), 0.0);
+  double value = 0.0;
+  Scales scales;
+  energy->EvaluateWithScales(zero.data(), &value, nullptr, &scales);
+  const std::vector<Contact> contacts = energy->Contacts(zero.data());
+  const Observables observables = Measure(packing, contacts, value);
+  const Network network = MakeNetwork(*energy,
+                                      zero.data(),
+                                      observables.relative_residual,
+                                      observables,
+                                      contacts,
+                                      &certificate);
+  if (contacts.empty()) {
+    return conclude(StabilityVerdict::UNJAMMED, "no grain touches another");
+  }
+  if (scales.vanishing <= options.vanishing_tolerance) {
+    return conclude(StabilityVerdict::UNJAMMED,
+                    Format("overlaps of %.1e mean radii count as zero",
+                           observables.mean_overlap / packing.MeanRadius()));
+  }
+  if (certificate.contacts == 0) {
+    certificate.residual = observables.relative_residual;
+    return conclude(StabilityVerdict::NOT_STATIONARY,
+                    Format("residual %.1e mean forces, and no rigid grains",
+                           observables.relative_residual));
+  }
+
+  const int d = network.dimension;
+  const int n = network.size();
+  // The gradient of E'.
+  VectorXd gradient = VectorXd::Zero(d * n);
+  // A bound of |H_p|: twice the largest sum of f / l of a grain.
+  VectorXd tension = VectorXd::Zero(n);
+  for (const Link& link : network.links) {
+    if (!(link.overlap > 0.0) || link.i == link.j) continue;
+    gradient.segment(d * link.i, d) -= link.force * link.normal;
+    gradient.segment(d * link.j, d) += link.force * link.normal;
+    tension[link.i] += link.force / link.distance;
+    tension[link.j] += link.force / link.distance;
+  }
+  certificate.residual =
+      gradient.lpNorm<Eigen::Infinity>() / network.mean_force;
+  const bool stationary = certificate.residual <= options.stationary;
+  const std::string residual_line =
+      Format("residual %.1e mean forces", certificate.residual);
+
+  const std::vector<int> pieces = Pieces(network);
+  certificate.pieces = static_cast<int>(pieces.size());
+  if (pieces.size() > 1) {
+    if (!stationary) {
+      return conclude(StabilityVerdict::NOT_STATIONARY, residual_line);
+    }
+    std::string sizes;
+    for (std::size_t k = 0; k < std::min<std::size_t>(3, pieces.size()); ++k) {
+      sizes += (k == 0 ? "" : ", ") + std::to_string(pieces[k]);
+    }
+    if (pieces.size() > 3) sizes += ", ...";
+    return conclude(StabilityVerdict::DISCONNECTED,
+                    Format("%d pieces (%s grains) that do not touch each other "
+                           "and may each translate",
+                           certificate.pieces,
+                           sizes.c_str()));
+  }
+  if (n == 1) {
+    certificate.lowest_eigenvalue = kInfinity;
+    return conclude(StabilityVerdict::STRICT_MINIMUM,
+                    "one grain, which can only translate");
+  }
+
+  std::vector<Block> blocks;
+  blocks.reserve(network.links.size());
+  for (const Link& link : network.links) blocks.push_back(BlockOf(link));
+
+  // The lowest modes, whatever the verdict.
+  LowestModesOptions lowest;
+  lowest.count = std::max(1, options.modes);
+  lowest.left_out.setZero(d * n, d);
+  for (int i = 0; i < n; ++i) {
+    lowest.left_out.middleRows(d * i, d).setIdentity();
+  }
+  const LowestModes modes =
+      ComputeLowestModes(Assemble(network, blocks, -1), lowest);
+  for (Index k = 0; k < modes.values.size(); ++k) {
+    NormalMode mode =
+        MakeMode(network, modes.vectors.col(k), observables.grains);
+    mode.eigenvalue = modes.values[k] / network.stiffness_unit;
+    mode.residual = modes.residuals[k] / network.stiffness_unit;
+    certificate.modes.push_back(std::move(mode));
+  }
+  if (!modes.converged) {
+    return conclude(StabilityVerdict::FAILED,
+                    "lowest modes not found: " + modes.message);
+  }
+  certificate.lowest_eigenvalue = modes.values[0] / network.stiffness;
+
+  // (1)
+  const double floor = options.zero * network.stiffness;
+  SparseCholesky cholesky;
+  if (!cholesky.Factorize(Assemble(network, blocks, network.held), 1, -floor)) {
+    if (!stationary) {
+      return conclude(StabilityVerdict::NOT_STATIONARY,
+                      residual_line + "; " + ModeLine(certificate));
+    }
+    return conclude(certificate.lowest_eigenvalue < -options.zero
+                        ? StabilityVerdict::SADDLE
+                        : StabilityVerdict::NOT_CERTIFIED,
+                    ModeLine(certificate));
+  }
+
+  // Newton's step, by a matrix that is lower by tau kappa: both it and nu are
+  // slightly too large.
+  VectorXd right(d * (n - 1));
+  right << gradient.head(d * network.held),
+      gradient.tail(d * (n - 1 - network.held));
+  VectorXd step(right.size());
+  cholesky.Solve(right.data(), step.data());
+  const double nu = std::sqrt(std::max(0.0, right.dot(step)));
+  VectorXd all = VectorXd::Zero(d * n);
+  all.head(d * network.held) = step.head(d * network.held);
+  all.tail(d * (n - 1 - network.held)) = step.tail(d * (n - 1 - network.held));
+  double largest = 0.0;
+  for (const Link& link : network.links) {
+    if (!(link.overlap > 0.0)) continue;
+    largest = std::max(
+        largest,
+        (all.segment(d * link.i, d) - all.segment(d * link.j, d)).norm());
+  }
+  certificate.newton_step = largest / network.mean_overlap;
+
+  // (2)
+  Region region;
+  region.alpha = energy->Exponent();
+  region.lambda = std::max(floor, modes.values[0] - modes.residuals[0]);
+  region.prestress = 2.0 * tension.maxCoeff();
+  region.radius =
+      kRegion *
+      (nu + kGradientError * network.mean_force *
+                std::sqrt(static_cast<double>(d * n) / region.lambda));
+  std::vector<Block> bounds;
+  const double motion = std::sqrt(2.0 / region.lambda) * region.radius;
+  const bool bounded =
+      motion < 0.99 * network.length_unit * energy->skin() &&
+      LowerBounds(network, region, &bounds, &certificate.undecided_pairs);
+  // (3)
+  if (!bounded || !cholesky.Factorize(Assemble(network, bounds, network.held),
+                                      2,
+                                      -kRoundoff * network.stiffness)) {
+    certificate.undecided_pairs = 0;
+    return conclude(
+        stationary ? StabilityVerdict::NOT_CERTIFIED
+                   : StabilityVerdict::NOT_STATIONARY,
+        residual_line +
+            Format(" is too large for a proof with a lowest eigenvalue %.1e of "
+                   "the mean stiffness",
+                   certificate.lowest_eigenvalue));
+  }
+  certificate.distance =
+      region.radius / std::sqrt(region.lambda) / network.mean_overlap;
+  // The least value of g.x + x.H x / 4 is -nu^2.
+  const double unit =
+      network.stiffness_unit * network.length_unit * network.length_unit;
+  const double bound = region.radius / kRegion;
+  certificate.excess_energy = bound * bound / (unit * value);
+  std::string message = Format(
+      "lowest eigenvalue %.1e of the mean stiffness, the minimum is "
+      "within %.1e mean overlaps",
+      certificate.lowest_eigenvalue,
+      certificate.distance);
+  if (certificate.undecided_pairs > 0) {
+    message += Format(", %d contact%s may open or close on the way",
+                      certificate.undecided_pairs,
+                      certificate.undecided_pairs == 1 ? "" : "s");
+  }
+  return conclude(StabilityVerdict::STRICT_MINIMUM, message);
+}
+
+}  // namespace granopt
