@@ -6,6 +6,7 @@
 
 #include "solvers/format.h"
 #include "solvers/preconditioner.h"
+#include "solvers/solver_sequence.h"
 
 namespace granopt {
 
@@ -237,6 +238,16 @@ std::string Parameters::Error() const {
 
 std::unique_ptr<Solver> CreateSolver(const std::string& spec,
                                      std::string* error) {
+  if (spec.find('|') != std::string::npos) {
+    std::vector<std::unique_ptr<Solver>> solvers;
+    for (const std::string& part : Split(spec, '|')) {
+      solvers.push_back(CreateSolver(part, error));
+      if (solvers.back() == nullptr) return nullptr;
+    }
+    auto sequence = std::make_unique<SolverSequence>(std::move(solvers));
+    sequence->set_name(spec);
+    return sequence;
+  }
   const std::size_t colon = spec.find(':');
   const std::string name = spec.substr(0, colon);
   std::map<std::string, std::string> values;

@@ -85,6 +85,7 @@ struct SolverInfo {
 // Makes the method that `spec` = "name" or "name:key=value,key=value"
 // describes. Returns null and one line in `error` for an unknown name (the
 // known ones are listed), an unknown option or a value that does not fit.
+// "spec|spec|..." is a SolverSequence: the next starts where one gave up.
 std::unique_ptr<Solver> CreateSolver(const std::string& spec,
                                      std::string* error);
 
