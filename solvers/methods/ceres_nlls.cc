@@ -42,6 +42,7 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "solvers/external_method.h"
+#include "solvers/one_thread.h"
 #include "solvers/quiet_log.h"
 #include "solvers/registry.h"
 #include "solvers/unilateral.h"
@@ -172,9 +173,8 @@ class Residuals : public ceres::EvaluationCallback {
       if (c < 0) continue;
       const double delta = gaps_.delta[c];
       const double root = std::sqrt(2.0 * gaps_.stiffness[c] / alpha_);
-      slope_[k] =
-          0.5 * alpha_ * root *
-          (alpha_ == 2.0 ? 1.0 : std::pow(delta, 0.5 * alpha_ - 1.0));
+      slope_[k] = 0.5 * alpha_ * root *
+                  (alpha_ == 2.0 ? 1.0 : std::pow(delta, 0.5 * alpha_ - 1.0));
       residual_[k] = 2.0 / alpha_ * slope_[k] * delta;
     }
     return newcomers_.empty();
@@ -343,11 +343,8 @@ class CeresNlls : public ExternalMethod {
             "small cost differences from gradients; wants restarts > 0")) {
     constexpr ceres::TrustRegionStrategyType kStrategies[] = {
         ceres::LEVENBERG_MARQUARDT, ceres::DOGLEG};
-    options_.trust_region_strategy_type =
-        kStrategies[parameters->Choice("strategy",
-                                       "lm",
-                                       "lm|dogleg",
-                                       "Levenberg-Marquardt or dogleg")];
+    options_.trust_region_strategy_type = kStrategies[parameters->Choice(
+        "strategy", "lm", "lm|dogleg", "Levenberg-Marquardt or dogleg")];
     options_.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
     options_.logging_type = ceres::SILENT;
     options_.max_num_iterations = std::numeric_limits<int>::max();
@@ -376,6 +373,7 @@ class CeresNlls : public ExternalMethod {
     const int block_size =
         n % function.BlockSize() == 0 ? function.BlockSize() : 1;
     const QuietLog quiet;
+    [[maybe_unused]] const OneThread one_thread;
     Gaps gaps;
     if (!problem->EvaluateGaps(y, &gaps)) return "";
     std::vector<Term> terms;
