@@ -9,9 +9,9 @@
 #include "ceres/gradient_problem.h"
 #include "ceres/iteration_callback.h"
 #include "ceres/version.h"
-#include "glog/logging.h"
 #include "solvers/monitor.h"
 #include "solvers/power_of_two.h"
+#include "solvers/quiet_log.h"
 
 namespace granopt {
 namespace {
@@ -175,21 +175,6 @@ std::unique_ptr<ceres::GradientProblem> MakeProblem(
   return std::make_unique<ceres::GradientProblem>(function.release());
 #endif
 }
-
-// Ceres logs a warning at every restart of its NCG, also when asked to be
-// silent.
-class QuietLog {
- public:
-  QuietLog() : level_(FLAGS_minloglevel) {
-    FLAGS_minloglevel = std::max<int>(FLAGS_minloglevel, google::GLOG_ERROR);
-  }
-  ~QuietLog() { FLAGS_minloglevel = level_; }
-  QuietLog(const QuietLog&) = delete;
-  QuietLog& operator=(const QuietLog&) = delete;
-
- private:
-  const int level_;
-};
 
 // See the header for what these units are for.
 Units ChooseUnits(const Monitor& monitor, const Scales& scales) {

@@ -78,6 +78,48 @@ bool ExternalMethod::Problem::Accept(const double* y) {
   return true;
 }
 
+bool ExternalMethod::Problem::Fail(const char* what) {
+  monitor_->FailEvaluation(what);
+  return Interrupt(Interruption::STOPPED);
+}
+
+bool ExternalMethod::Problem::EvaluateHessian(const double* y,
+                                              SparseMatrix* hessian) {
+  if (interruption_ != Interruption::NONE) return false;
+  SetX(y);
+  ++monitor_->counters().hessians;
+  const Monitor::LinearTimer timer(monitor_);
+  const auto* function =
+      dynamic_cast<const SecondOrderFunction*>(monitor_->function());
+  if (function == nullptr || !function->EvaluateHessian(x_.data(), hessian)) {
+    return Fail("the function refused its Hessian");
+  }
+  const double factor = cost_unit_ * length_unit_ * length_unit_;
+  double probe = 0.0;
+  for (int k = 0; k < hessian->nonZeros(); ++k) {
+    hessian->valuePtr()[k] *= factor;
+    probe += hessian->valuePtr()[k] - hessian->valuePtr()[k];
+  }
+  return probe == 0.0 || Fail("the Hessian is not finite");
+}
+
+// C k (L d)^alpha / alpha: the closure d in units of L takes a stiffness
+// C k L^alpha, and its derivatives stay what they are.
+bool ExternalMethod::Problem::EvaluateGaps(const double* y, Gaps* gaps) {
+  if (interruption_ != Interruption::NONE) return false;
+  SetX(y);
+  const Monitor::LinearTimer timer(monitor_);
+  const auto* function =
+      dynamic_cast<const UnilateralFunction*>(monitor_->function());
+  if (function == nullptr || !function->EvaluateGaps(x_.data(), gaps)) {
+    return Fail("the function refused its gaps");
+  }
+  gaps->delta /= length_unit_;
+  gaps->stiffness *= cost_unit_ * std::pow(length_unit_, function->Exponent());
+  return (gaps->delta.allFinite() && gaps->stiffness.allFinite()) ||
+         Fail("a gap is not finite");
+}
+
 ExternalMethod::ExternalMethod(Parameters* parameters)
     : scaled_(parameters->Bool(
           "scaled", false, "cost and lengths by powers of two")),
@@ -94,6 +136,11 @@ Summary ExternalMethod::Minimize(FirstOrderFunction* function,
   Monitor monitor(function, options, name());
   const int n = monitor.n();
 
+  std::string why;
+  if (!Supports(*function, &why)) {
+    monitor.Refuse(why);
+    return monitor.Finish(x);
+  }
   double cost;
   const double* gradient;
   Scales scales;

@@ -8,7 +8,9 @@
 
 #include "solvers/monitor.h"
 #include "solvers/registry.h"
+#include "solvers/second_order.h"
 #include "solvers/solver.h"
+#include "solvers/unilateral.h"
 
 namespace granopt {
 
@@ -40,6 +42,15 @@ class ExternalMethod : public Solver {
     // start. False where it must return.
     bool Accept(const double* y);
 
+    // The function's second derivatives and gaps at y in the library's units,
+    // for a method whose Supports() asks for them. Hessians are counted; gaps
+    // are not, as they go with an evaluation. False as with Evaluate().
+    bool EvaluateHessian(const double* y, SparseMatrix* hessian);
+    bool EvaluateGaps(const double* y, Gaps* gaps);
+
+    // What the method counts and times itself.
+    Monitor* monitor() { return monitor_; }
+
     Problem(const Problem&) = delete;
     Problem& operator=(const Problem&) = delete;
 
@@ -59,6 +70,7 @@ class ExternalMethod : public Solver {
     }
     // x_ from y.
     void SetX(const double* y);
+    bool Fail(const char* what);
 
     Monitor* monitor_;
     const double length_unit_;  // L

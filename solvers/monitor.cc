@@ -364,10 +364,11 @@ void Monitor::Refuse(const std::string& why) {
   Stop(StopReason::UNSUPPORTED, why);
 }
 
-void Monitor::FailEvaluation() {
+void Monitor::FailEvaluation(const std::string& what) {
   Stop(StopReason::EVALUATION_FAILED,
-       not_finite_.empty() ? "the function could not be evaluated"
-                           : not_finite_);
+       !not_finite_.empty() ? not_finite_
+       : !what.empty()      ? what
+                            : "the function could not be evaluated");
 }
 
 double Monitor::StepUnit() const {

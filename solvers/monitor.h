@@ -76,8 +76,9 @@ class Monitor {
   void GiveUp(const std::string& why);
   // The method cannot serve this function (Solver::Supports()).
   void Refuse(const std::string& why);
-  // The method cannot go on since the last evaluation was not finite.
-  void FailEvaluation();
+  // The method cannot go on since the last evaluation was not finite, or, if
+  // that was well, for what `what` says.
+  void FailEvaluation(const std::string& what = "");
   bool LastEvaluationFailed() const { return !not_finite_.empty(); }
 
   // Time spent while one of these lives counts as linear algebra. Evaluations
@@ -96,6 +97,9 @@ class Monitor {
     Monitor* monitor_;
     const double start_;
   };
+
+  // For a library that keeps its own clock.
+  void AddLinearSeconds(double seconds) { linear_seconds_ += seconds; }
 
   // Calls function->Recenter(x), counted.
   void Recenter(const double* x);

@@ -5,15 +5,11 @@
 #include <vector>
 
 #include "solvers/normalize.h"
+#include "solvers/one_thread.h"
 #include "solvers/reverse_cuthill_mckee.h"
 
 #ifdef GRANOPT_HAVE_CHOLMOD
 #include <cholmod.h>
-#ifdef GRANOPT_HAVE_GOMP
-// As <omp.h> has them, which not every compiler comes with.
-extern "C" int omp_get_max_active_levels();
-extern "C" void omp_set_max_active_levels(int levels);
-#endif
 #else
 #include "Eigen/OrderingMethods"
 #include "Eigen/SparseCholesky"
@@ -22,27 +18,6 @@ extern "C" void omp_set_max_active_levels(int levels);
 namespace granopt {
 
 #ifdef GRANOPT_HAVE_CHOLMOD
-namespace {
-
-// CHOLMOD opens four threads, however few processors there are and whatever
-// OMP_NUM_THREADS says, for updates so small that one thread is faster.
-class OneThread {
-#ifdef GRANOPT_HAVE_GOMP
- public:
-  OneThread() : levels_(omp_get_max_active_levels()) {
-    omp_set_max_active_levels(0);
-  }
-  ~OneThread() { omp_set_max_active_levels(levels_); }
-  OneThread(const OneThread&) = delete;
-  OneThread& operator=(const OneThread&) = delete;
-
- private:
-  const int levels_;
-#endif
-};
-
-}  // namespace
-
 class SparseCholesky::Backend {
  public:
   explicit Backend(Ordering ordering) : ordering_(ordering) {

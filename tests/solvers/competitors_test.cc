@@ -12,8 +12,10 @@
 #include <string>
 #include <vector>
 
+#include "Eigen/SparseCore"
 #include "gtest/gtest.h"
 #include "solvers/registry.h"
+#include "solvers/second_order.h"
 #include "solvers/solver.h"
 #include "tests/solvers/run_method.h"
 #include "tests/solvers/test_functions.h"
@@ -502,6 +504,199 @@ TEST_P(Competitors, ScaledIsIndependentOfUnits) {
     EXPECT_EQ(b.summary.counters.evaluations, a.summary.counters.evaluations);
     for (int i = 0; i < 50; ++i) EXPECT_EQ(b.x[i], 0x1p-20 * a.x[i]) << i;
   }
+}
+
+// ---- Newton's methods -------------------------------------------------------
+
+// A chain of hard springs, sum (d^2 / 2 + d^4 / 4) of the differences d of
+// neighbours, held at both ends, and one variable that nothing depends on. The
+// pattern of its Hessian changes each time, and need not have all of the
+// diagonal.
+class HardChain : public SecondOrderFunction {
+ public:
+  explicit HardChain(int n) : n_(n) {}
+  int NumParameters() const override { return n_; }
+  bool EvaluateWithScales(const double* x,
+                          double* cost,
+                          double* gradient,
+                          Scales* scales) const override {
+    ++evaluations;
+    *cost = 0.0;
+    if (gradient != nullptr) std::fill(gradient, gradient + n_, 0.0);
+    for (int i = 0; i < n_; ++i) {
+      const double d = Difference(x, i);
+      *cost += 0.5 * d * d + 0.25 * d * d * d * d;
+      const double g = d + d * d * d;
+      if (gradient == nullptr) continue;
+      if (i < n_ - 1) gradient[i] += g;
+      if (i > 0) gradient[i - 1] -= g;
+    }
+    if (scales != nullptr) {
+      *scales = Scales();
+      scales->gradient = scales->length = 1.0;
+    }
+    return std::isfinite(*cost);
+  }
+  bool EvaluateHessian(const double* x, SparseMatrix* hessian) const override {
+    if (++hessians == refuse_from) return false;
+    std::vector<Eigen::Triplet<double>> entries;
+    for (int i = 0; i < n_; ++i) {
+      const double d = Difference(x, i);
+      const double h = hessians == nan_from ? kNan : 1.0 + 3.0 * d * d;
+      if (i < n_ - 1) entries.emplace_back(i, i, h);
+      if (i > 0) entries.emplace_back(i - 1, i - 1, h);
+      if (i > 0 && i < n_ - 1) entries.emplace_back(i, i - 1, -h);
+      // Zeros in other places each time, more or fewer.
+      const int zeros = hessians % 3;
+      for (int k = 2; k < 2 + 2 * zeros && i + k < n_; ++k) {
+        entries.emplace_back(i + k, i, 0.0);
+      }
+    }
+    hessian->resize(n_, n_);
+    hessian->setFromTriplets(entries.begin(), entries.end());
+    return true;
+  }
+  std::int64_t PatternVersion() const override { return hessians; }
+  bool HessianTimes(const double*, const double*, double*) const override {
+    return false;
+  }
+
+  mutable int evaluations = 0, hessians = 0;
+  int refuse_from = -1, nan_from = -1;
+
+ private:
+  // To its left neighbour; both ends are at 0 and 3.
+  double Difference(const double* x, int i) const {
+    return (i < n_ - 1 ? x[i] : 3.0) - (i > 0 ? x[i - 1] : 0.0);
+  }
+  const int n_;
+};
+
+std::vector<double> HardStart(int n) {
+  std::vector<double> start(n);
+  for (int i = 0; i < n; ++i) start[i] = 3.0 * std::sin(1.0 + i);
+  return start;
+}
+
+class Newton : public testing::TestWithParam<std::string> {
+ protected:
+  void SetUp() override {
+    if (!IsRegistered(spec())) GTEST_SKIP() << "built without it";
+    std::string error;
+    if (CreateSolver(spec(), &error) == nullptr) {
+      // PETSc need not have MUMPS.
+      EXPECT_TRUE(Contains(error, "MUMPS")) << error;
+      GTEST_SKIP() << error;
+    }
+  }
+  const std::string& spec() const { return GetParam(); }
+};
+
+INSTANTIATE_TEST_SUITE_P(All,
+                         Newton,
+                         testing::Values("tao_nls:linear=mumps",
+                                         "tao_nls:linear=icc,scaled=1",
+                                         "tao_nls:linear=jacobi",
+                                         "tao_bntr:linear=mumps,scaled=1",
+                                         "tao_bntr:linear=icc",
+                                         "tao_bntr:linear=jacobi,scaled=1"),
+                         [](const testing::TestParamInfo<std::string>& info) {
+                           std::string name = info.param;
+                           for (char& c : name) {
+                             if (!std::isalnum(static_cast<unsigned char>(c)))
+                               c = '_';
+                           }
+                           return name;
+                         });
+
+// The pattern is another one each time: what was made for the last one must not
+// be used again.
+TEST_P(Newton, ConvergesAndCounts) {
+  HardChain f(60);
+  const Result run = Minimize(spec(), &f, HardStart(60), Tolerance(1e-12));
+  ASSERT_EQ(run.summary.reason, StopReason::CONVERGED)
+      << run.summary.BriefReport();
+  // Ends 0 and 3 in 60 equal steps.
+  for (int i = 0; i < 59; ++i) EXPECT_NEAR(run.x[i], 0.05 * (i + 1), 1e-9);
+  EXPECT_EQ(run.x[59], HardStart(60)[59]);
+  const Counters& c = run.summary.counters;
+  EXPECT_EQ(c.evaluations, f.evaluations);
+  EXPECT_EQ(c.hessians, f.hessians);
+  EXPECT_GT(c.hessians, 2);
+  EXPECT_LE(c.iterations, 60);
+  EXPECT_GT(c.factorizations, 0);
+  EXPECT_LE(c.factorizations, c.hessians);
+  EXPECT_GE(c.solves, c.factorizations);
+  EXPECT_EQ(c.linear_iterations == 0, Contains(spec(), "tao_nls:linear=mumps"));
+}
+
+TEST_P(Newton, FirstDerivativesAreNotEnough) {
+  Quadratic quadratic(50);
+  const std::vector<double> start(50, 0.0);
+  const Result run = Minimize(spec(), &quadratic, start);
+  EXPECT_EQ(run.summary.reason, StopReason::UNSUPPORTED);
+  EXPECT_TRUE(Contains(run.summary.message, "second derivatives"));
+  EXPECT_EQ(run.summary.counters.evaluations, 0);
+  EXPECT_TRUE(SameBits(run.x, start));
+}
+
+TEST_P(Newton, HessianThatFails) {
+  for (const int at : {1, 2, 3}) {
+    HardChain refuses(60), nan(60);
+    refuses.refuse_from = nan.nan_from = at;
+    const Result a = Minimize(spec(), &refuses, HardStart(60));
+    EXPECT_EQ(a.summary.reason, StopReason::EVALUATION_FAILED);
+    EXPECT_EQ(a.summary.message, "the function refused its Hessian");
+    EXPECT_EQ(a.summary.counters.hessians, at);
+    EXPECT_LE(a.summary.cost, a.summary.initial_cost);
+    const Result b = Minimize(spec(), &nan, HardStart(60));
+    EXPECT_EQ(b.summary.reason, StopReason::EVALUATION_FAILED);
+    EXPECT_EQ(b.summary.message, "the Hessian is not finite");
+  }
+}
+
+TEST_P(Newton, BudgetsAreKept) {
+  HardChain f(60);
+  for (const int budget : {0, 1, 2}) {
+    SolveOptions options;
+    options.max_iterations = budget;
+    const Result run = Minimize(spec(), &f, HardStart(60), options);
+    EXPECT_EQ(run.summary.reason, StopReason::MAX_ITERATIONS);
+    EXPECT_EQ(run.summary.counters.iterations, budget);
+    ExpectBothNumbers(run.summary, "iterations", budget);
+  }
+  for (int budget = 1; budget <= 6; ++budget) {
+    SolveOptions options;
+    options.relative_tolerance = 1e-300;
+    options.max_evaluations = budget;
+    const Result run = Minimize(spec(), &f, HardStart(60), options);
+    EXPECT_EQ(run.summary.reason, StopReason::MAX_EVALUATIONS);
+    EXPECT_EQ(run.summary.counters.evaluations, budget);
+  }
+}
+
+TEST_P(Newton, TwoRunsAreBitwiseEqual) {
+  HardChain f(60), g(60);
+  const Result a = Minimize(spec(), &f, HardStart(60), Tolerance(1e-8));
+  const Result b = Minimize(spec(), &g, HardStart(60), Tolerance(1e-8));
+  EXPECT_TRUE(SameBits(a.x, b.x));
+  EXPECT_EQ(a.summary.message, b.summary.message);
+}
+
+TEST(Petsc, NewtonsMethodsAreSilent) {
+  if (!IsRegistered("tao_nls")) GTEST_SKIP();
+  testing::internal::CaptureStdout();
+  testing::internal::CaptureStderr();
+  for (const std::string name : {"tao_nls", "tao_bntr"}) {
+    std::string error;
+    if (CreateSolver(name, &error) == nullptr) continue;
+    HardChain good(60), bad(60);
+    bad.refuse_from = 2;
+    Minimize(name, &good, HardStart(60));
+    Minimize(name, &bad, HardStart(60));
+  }
+  EXPECT_EQ(testing::internal::GetCapturedStdout(), "");
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
 }
 
 // ---- Traps of the libraries (third_party_notes) -----------------------------
