@@ -49,6 +49,23 @@ class Watched : public UnilateralFunction {
     return f_->HessianTimes(x, v, hv);
   }
   double Exponent() const override { return f_->Exponent(); }
+  void EvaluateLaw(int n,
+                   const double* closure,
+                   double* force,
+                   double* stiffness) const override {
+    f_->EvaluateLaw(n, closure, force, stiffness);
+  }
+  bool EvaluateStiffness(const double* x,
+                         double theta,
+                         SparseMatrix* h) const override {
+    return f_->EvaluateStiffness(x, theta, h);
+  }
+  bool EvaluateWeightedHessian(const double* x,
+                               const double* first,
+                               const double* second,
+                               SparseMatrix* h) const override {
+    return f_->EvaluateWeightedHessian(x, first, second, h);
+  }
   bool EvaluateGaps(const double* x, Gaps* gaps) const override {
     ++gap_evaluations;
     if (gap_evaluations >= refuse_gaps_from) return false;
