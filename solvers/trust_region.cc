@@ -13,28 +13,26 @@ constexpr double kRaise = 4.0;
 // ... and from one step to the next, by the secular equation, by no more than
 // this in either direction.
 constexpr double kTrust = 16.0;
-// An interval for lambda as narrow as this, relative to its upper end, will not
-// give a longer step: the hard case.
-constexpr double kHard = 0.5;
+// Of the shifts that failed, what is believed one step later.
+constexpr double kForget = 0.25;
 constexpr int kInverseIterations = 3;
 
 }  // namespace
 
-double NearlyExactSubproblem::Growth(const VectorXd& s,
-                                     double norm2,
-                                     double radius) {
+void NearlyExactSubproblem::FindSlope(const VectorXd& s, double norm2) {
   linear_->Solve(s.data(), w_.data(), 1);
   const double bend = s.dot(w_);
   slope_ = bend > 0.0 ? norm2 / bend : 0.0;
-  const double norm = std::sqrt(norm2);
-  return slope_ * ((norm - radius) / radius);
 }
 
-void NearlyExactSubproblem::Suggest(double radius) {
+void NearlyExactSubproblem::Suggest(const VectorXd& s, double radius) {
   if (!is_known_) return;
-  const double least = last_lambda_ / kTrust;
-  double next = last_lambda_ + slope_ * ((last_norm_ - radius) / radius);
-  next = std::max(next, least);
+  // The factor is still there.
+  if (slope_ == 0.0 && last_norm_ > options_.most * radius) {
+    FindSlope(s, s.squaredNorm());
+  }
+  double next = last_lambda_ + Growth(radius);
+  next = std::max({next, last_lambda_ / kTrust, barrier_});
   if (last_lambda_ > 0.0) next = std::min(next, kTrust * last_lambda_);
   lambda_ = next > options_.negligible * unit_ ? next : 0.0;
 }
@@ -56,12 +54,18 @@ SubproblemStep NearlyExactSubproblem::Solve(
   minus_g_ = -g;
   unit_ = unit;
   double lambda = lambda_;
+  // What has failed may do so for a while, but not for ever.
+  barrier_ *= kForget;
+  is_known_ = false;
   double low = -1.0;   // too small: the step is too long, or there is none
   double high = -1.0;  // large enough
   bool low_failed = false;
+  bool is_factored = false;
 
   for (int k = 0; k < options_.max_factorizations; ++k) {
-    if (!linear_->Factorize(lower, pattern_version, floor + lambda)) {
+    is_factored = linear_->Factorize(lower, pattern_version, floor + lambda);
+    if (!is_factored) {
+      if (!linear_->refusal().empty()) return step;
       ++failures_;
       low = lambda;
       low_failed = true;
@@ -78,15 +82,13 @@ SubproblemStep NearlyExactSubproblem::Solve(
     if (!std::isfinite(norm2)) return step;
     const double norm = std::sqrt(norm2);
     step.end = SubproblemStep::End::BOUNDARY;
-    double growth = 0.0;
-    if (norm > options_.most * radius || lambda > 0.0) {
-      growth = Growth(*s, norm2, radius);
-    } else {
-      slope_ = 0.0;
-    }
     is_known_ = true;
     last_lambda_ = lambda;
     last_norm_ = norm;
+    slope_ = 0.0;
+    if (norm > options_.most * radius || lambda > 0.0) FindSlope(*s, norm2);
+    const double growth = Growth(radius);
+    if (low_failed) barrier_ = std::sqrt(low * lambda);
     if (norm > options_.most * radius) {
       low = lambda;
       low_failed = false;
@@ -103,7 +105,7 @@ SubproblemStep NearlyExactSubproblem::Solve(
     if (norm >= options_.least * radius) break;
     step.end = SubproblemStep::End::SHORT;
     high = lambda;
-    if (low_failed && high - low <= kHard * high) {
+    if (low_failed && high - low <= options_.hard * high) {
       // (H + lambda 1)^-1 applied to anything brings out the lowest
       // eigenvector.
       z_ = *s;
@@ -123,6 +125,7 @@ SubproblemStep NearlyExactSubproblem::Solve(
       step.end = SubproblemStep::End::BOUNDARY;
       break;
     }
+    if (options_.accepts_short) break;
     double next = lambda + growth;
     if (low >= 0.0) {
       if (!(next > low)) next = low > 0.0 ? std::sqrt(low * high) : 0.1 * high;
@@ -132,7 +135,11 @@ SubproblemStep NearlyExactSubproblem::Solve(
     if (!(next < lambda)) break;
     lambda = next;
   }
-  if (!is_known_ || step.end == SubproblemStep::End::FAILED) return step;
+  is_known_ = is_known_ && is_factored;
+  if (!is_known_) {
+    step.end = SubproblemStep::End::FAILED;
+    return step;
+  }
   step.lambda = last_lambda_;
   step.norm2 = s->squaredNorm();
   // H s + floor s = -g - lambda s, but for what was added.

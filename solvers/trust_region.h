@@ -43,12 +43,19 @@ struct SubproblemStep {
 //
 // Deviations: the search begins at the lambda that the last step suggests (see
 // Suggest()), not at zero, and ends as soon as |s| lies between `least` and
-// `most` times the radius: with such loose bounds most steps take one factor.
+// `most` times the radius. With loose bounds most steps take one factor, above
+// all with accepts_short: a lambda that was larger than necessary is then put
+// right by the next step, not by another factor for this one.
 class NearlyExactSubproblem {
  public:
   struct Options {
     double least = 0.9;
     double most = 1.1;
+    // Ends with a step below `least` unless it is the hard case.
+    bool accepts_short = false;
+    // An interval for lambda as narrow as this part of its upper end will not
+    // give a longer step: the hard case.
+    double hard = 1e-6;
     // Below this part of `unit`, lambda is zero.
     double negligible = 1e-14;
     int max_factorizations = 60;
@@ -70,24 +77,29 @@ class NearlyExactSubproblem {
                        const std::function<double()>& first_raise,
                        Eigen::VectorXd* s);
 
-  // The lambda at which the last step would have had another length, by the
-  // formula above; where the next Solve() begins.
-  void Suggest(double radius);
+  // The lambda at which the last step, `s`, would have been as long as
+  // `radius`, by the formula above; where the next Solve() begins.
+  void Suggest(const Eigen::VectorXd& s, double radius);
 
   double lambda() const { return lambda_; }
   // Of all factorizations, those that failed.
   std::int64_t failures() const { return failures_; }
 
  private:
-  // By how much lambda is to grow for |s| = radius; w_ = (H + lambda 1)^-1 s.
-  double Growth(const Eigen::VectorXd& s, double norm2, double radius);
+  // slope_ for the last factor and a step s that belongs to it.
+  void FindSlope(const Eigen::VectorXd& s, double norm2);
+  // By how much lambda is to grow for |s| = radius.
+  double Growth(double radius) const {
+    return slope_ * ((last_norm_ - radius) / radius);
+  }
 
   const Options options_;
   LinearSolver* const linear_;
   double lambda_ = 0.0;       // where to begin
   double last_lambda_ = 0.0;  // of the last step
-  double slope_ = 0.0;        // |s|^2 / s.w there
+  double slope_ = 0.0;        // |s|^2 / s.(H + lambda 1)^-1 s there, 0: unknown
   double last_norm_ = 0.0;
+  double barrier_ = 0.0;  // below it, shifts have failed lately
   bool is_known_ = false;
   double unit_ = 1.0;
   std::int64_t failures_ = 0;
@@ -98,8 +110,8 @@ class NearlyExactSubproblem {
 // norm |s|_P (Steihaug, SIAM J. Numer. Anal. 20 (1983) 626; Conn, Gould, Toint,
 // Algorithm 7.5.1): stops where |H s + g| in the norm of P^-1 has fallen to
 // `tolerance` of |g|, at the boundary, or, where a direction has no positive
-// curvature, at the boundary along it. `times` writes H p, `solve` P^-1 r (null:
-// P = 1). norm2 and radius2 are in P.
+// curvature, at the boundary along it. `times` writes H p, `solve` P^-1 r
+// (null: P = 1). norm2 and radius2 are in P.
 struct TruncatedSubproblem {
   using Apply = std::function<void(const Eigen::VectorXd&, Eigen::VectorXd*)>;
   Apply times;

@@ -1,8 +1,40 @@
+// Newton's method in a trust region, with the sparse Hessian.
+//
+//   min m(s) = g.s + s.(H + floor h 1) s / 2   subject to |s| <= radius,
+// h the mean magnitude of the diagonal of H, and then a step along s.
+// subproblem=direct: nearly exactly, by factors of H + lambda 1 (Nocedal,
+// Wright, 2nd ed., 4.3); subproblem=truncated: by conjugate gradients with any
+// preconditioner P, |s| in P (Steihaug), until |H s + g| <= eta |g| with
+// eta = min(1/2, (max|g| / Scales::gradient)^(1/2)) (their (7.3), made
+// dimensionless). hessian=gauss_newton is, for sums of one-sided terms, H
+// without the curvature of the gaps: positive semidefinite.
+//
+// Deviations: a step that is too long does not only shrink the radius: the line
+// search goes back along it until there is decrease, for an evaluation costs a
+// hundredth of a factor. With a the part of s that was taken,
+//   a < 1:             radius = 30 a |s|
+//   a >= 1:            radius = max(radius, 4 a |s|) if the decrease was more
+//                      than half of that of m, a |s| / 2 if less than a
+//                      quarter.
+// Functions that are quadratic between kinks want the 30: a step that ends well
+// behind the next kink, at some decrease, shows the Hessian that is to come.
+// Line searches that look for the minimum along s, or the textbook's radius
+// a |s| / 4, need several times as many factors (step=shrink, for comparison).
+// |s| is accepted between zero and twice the radius, and lambda begins where
+// the secular equation of the last step suggests, so that nearly all steps take
+// one factor (see NearlyExactSubproblem).
+//
+// The floor serves null vectors of which the gradient has no part: objects that
+// nothing touches, translations. It is far below the lowest eigenvalues of
+// interest, and far above the rounding of a factor. Objects that too few others
+// hold make H indefinite by the curvature of their gaps; it is left out there
+// (unheld=dropped, see RigidHessian), where the function is such a sum.
+
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "Eigen/Core"
 #include "solvers/linear_solver.h"
@@ -19,11 +51,28 @@ namespace granopt {
 namespace {
 
 using Eigen::VectorXd;
+using End = SubproblemStep::End;
 
-double Env(const char* name, double value) {
-  const char* text = std::getenv(name);
-  return text == nullptr ? value : std::atof(text);
-}
+// The radius after a step, see above.
+constexpr double kBeyond = 30.0;
+constexpr double kGrow = 4.0;
+constexpr double kGood = 0.5;
+constexpr double kBad = 0.25;
+constexpr double kShrink = 0.5;
+// After a step without any decrease.
+constexpr double kRetreat = 0.25;
+constexpr int kMaxRetreats = 8;
+constexpr double kSufficientDecrease = 1e-4;
+// Lambdas below this part of h are zero.
+constexpr double kNegligible = 1e-12;
+// Where H is indefinite and nothing better is known, lambda begins at this part
+// of what the curvature of the gaps takes from the diagonal, or of h.
+constexpr double kFirstRaise = 0.1;
+constexpr double kBlindRaise = 1e-3;
+// A run whose gradient is roundoff ends after so many iterations that did not
+// reduce it: each costs a factor.
+constexpr int kPatienceAtRoundoff = 10;
+constexpr double kLargestForcing = 0.5;
 
 class Newton : public Solver {
  public:
@@ -38,7 +87,39 @@ class Newton : public Solver {
                                      "exact|gauss_newton",
                                      "with the curvature of the gaps, or "
                                      "without") == 0),
-        preconditioner_(parameters) {}
+        drops_unheld_(
+            parameters->Choice("unheld",
+                               "dropped",
+                               "dropped|kept",
+                               "curvature of the gaps of objects that "
+                               "too few others hold") == 0),
+        searches_(parameters->Choice("step",
+                                     "search",
+                                     "search|shrink",
+                                     "after one that is too long: line search, "
+                                     "or a smaller radius") == 0),
+        radius_(parameters->Double("radius",
+                                   10.0,
+                                   1e-6,
+                                   1e12,
+                                   "first trust radius: root mean square "
+                                   "displacement over Scales::length")),
+        floor_(parameters->Double("floor",
+                                  1e-11,
+                                  0.0,
+                                  1.0,
+                                  "added to the diagonal of H, over its mean")),
+        preconditioner_(parameters) {
+    if (!is_direct_) return;
+    if (!preconditioner_.none()) {
+      parameters->Refuse(
+          "subproblem", "direct", "takes no preconditioner, truncated does");
+      return;
+    }
+    // Reads its options, so that they are known and checked.
+    MakeLinearSolver(parameters);
+    parameters_ = *parameters;
+  }
 
   bool Supports(const FirstOrderFunction& function,
                 std::string* error) const override {
@@ -48,228 +129,311 @@ class Newton : public Solver {
     }
     if (!is_exact_ &&
         dynamic_cast<const UnilateralFunction*>(&function) == nullptr) {
-      *error = "hessian=gauss_newton needs a sum of one-sided terms";
+      *error =
+          "newton:hessian=gauss_newton needs a sum of one-sided power laws";
       return false;
     }
     return preconditioner_.Supports(function, error);
   }
 
-  Summary Minimize(FirstOrderFunction* f,
+  Summary Minimize(FirstOrderFunction* function,
                    const SolveOptions& options,
-                   double* x_out) const override {
-    Monitor monitor(f, options, name());
-    const int n = monitor.n();
-    VectorXd x = Eigen::Map<const VectorXd>(x_out, n);
-    VectorXd g(n), s(n), taken(n);
-    double cost = 0.0;
-    Scales scales;
-    if (!monitor.Begin(*this, x.data(), &cost, g.data(), &scales)) {
-      return monitor.Finish(x_out);
-    }
-    const auto* second = dynamic_cast<const SecondOrderFunction*>(f);
-    const auto* unilateral = dynamic_cast<const UnilateralFunction*>(f);
-    const double blocks = std::max(1, n / second->BlockSize());
-    Parameters parameters;
-    const std::unique_ptr<LinearSolver> linear = MakeLinearSolver(&parameters);
-    NearlyExactSubproblem::Options sub_options;
-    sub_options.least = Env("NW_LEAST", 0.0);
-    sub_options.most = Env("NW_MOST", 2.0);
-    sub_options.negligible = Env("NW_NEG", 1e-12);
-    NearlyExactSubproblem direct(sub_options, linear.get());
-    const std::unique_ptr<Preconditioner> preconditioner =
-        preconditioner_.Make();
-    monitor.Recenter(x.data());
-    if (preconditioner != nullptr) {
-      preconditioner->Update(
-          {x.data(), cost, g.data(), scales}, nullptr, &monitor);
-    }
-    StepSearch search(n);
-    LineSearchOptions line;
-    line.curvature = Env("NW_C2", 0.9);
-    const bool searches = Env("NW_SEARCH", 1) != 0;
-    const double floor_part = Env("NW_FLOOR", 1e-11);
-    const bool deflates = Env("NW_DEFL", 1) != 0;
-    const double grow = Env("NW_GROW", 4.0), shrink = Env("NW_SHRINK", 2.0);
-    const bool debug = Env("NW_DEBUG", 0) != 0;
-    const double r0 = Env("NW_R0", 10.0);
-
-    double radius = r0 * std::sqrt(blocks) *
-                    (scales.length > 0.0 ? scales.length
-                                         : monitor.StepUnit() * g.norm());
-    RigidHessian rigid;
-    SparseMatrix hessian;
-    bool is_new = true;
-    int short_of = 0;
-    double unit = 0.0;
-    while (!monitor.BudgetSpent()) {
-      if (is_new) {
-        const Monitor::LinearTimer timer(&monitor);
-        bool done;
-        if (!is_exact_) {
-          done = unilateral->EvaluateStiffness(x.data(), 0.0, &hessian);
-        } else if (unilateral != nullptr && deflates) {
-          done = rigid.Evaluate(*unilateral, x.data(), &hessian);
-        } else {
-          done = second->EvaluateHessian(x.data(), &hessian);
-        }
-        if (!done) {
-          monitor.GiveUp("no Hessian");
-          break;
-        }
-        ++monitor.counters().hessians;
-        unit = 0.0;
-        for (int j = 0; j < n; ++j) {
-          unit += std::abs(hessian.coeff(j, j));
-        }
-        unit /= n;
-        is_new = false;
-      }
-      const double floor = floor_part * unit;
-      SubproblemStep step;
-      const std::int64_t factors = linear->factorizations();
-      const std::int64_t fails = direct.failures();
-      if (is_direct_) {
-        const Monitor::LinearTimer timer(&monitor);
-        const std::int64_t solves = linear->solves();
-        step = direct.Solve(
-            hessian,
-            second->PatternVersion(),
-            floor,
-            unit,
-            g,
-            radius,
-            [&]() {
-              if (!is_exact_ || unilateral == nullptr) return 1e-3 * unit;
-              const VectorXd before = hessian.diagonal();
-              SparseMatrix h0;
-              unilateral->EvaluateStiffness(x.data(), 0.0, &h0);
-              ++monitor.counters().hessians;
-              const VectorXd after = h0.diagonal();
-              return Env("NW_RAISE", 0.1) * (after - before).maxCoeff();
-            },
-            &s);
-        monitor.counters().factorizations += linear->factorizations() - factors;
-        monitor.counters().solves += linear->solves() - solves;
-      } else {
-        TruncatedSubproblem truncated;
-        truncated.times = [&](const VectorXd& v, VectorXd* hv) {
-          const Monitor::LinearTimer timer(&monitor);
-          if (Env("NW_TIMES", 0) != 0) {
-            second->HessianTimes(x.data(), v.data(), hv->data());
-          } else {
-            hv->noalias() = hessian.selfadjointView<Eigen::Lower>() * v;
-          }
-        };
-        if (preconditioner != nullptr) {
-          truncated.solve = [&](const VectorXd& r, VectorXd* z) {
-            preconditioner->Solve(r.data(), z->data(), &monitor);
-          };
-        }
-        truncated.tolerance = std::min(
-            0.5, std::sqrt(monitor.max_gradient() / scales.gradient));
-        truncated.max_iterations = 2 * n;
-        step = truncated.Solve(g, radius * radius, &s);
-        monitor.counters().linear_iterations += step.iterations;
-      }
-      if (step.end == SubproblemStep::End::FAILED) {
-        monitor.GiveUp("no factor");
-        break;
-      }
-      const LinePoint start{0.0, cost, g.dot(s)};
-      LinePoint end = start;
-      const double norm = std::sqrt(step.norm2);
-      if (start.slope < 0.0) {
-        if (searches) {
-          end = search.Search(line, x, s, start, 1.0, &monitor).point;
-        } else {
-          search.x = x + s;
-          if (monitor.Evaluate(search.x.data(),
-                               &search.cost,
-                               search.g.data(),
-                               &search.scales)) {
-            LinePoint p{1.0, search.cost, search.g.dot(s)};
-            if (LineChange(start, p) <= 1e-4 * step.change) end = p;
-          }
-        }
-      }
-      const double bend = 2.0 * (step.change - start.slope);
-      const double predicted =
-          end.step * (start.slope + 0.5 * end.step * bend);
-      const double ratio = LineChange(start, end) / predicted;
-      if (debug) {
-        std::fprintf(
-            stderr,
-            "it %lld E %.6e g/f %.2e  len %.1e radius %.2e |s| %.2e lam/unit "
-            "%.2e end %d fac %lld fail %lld cg %lld  a %.3g ratio %.2g ev "
-            "%lld\n",
-            (long long)monitor.counters().iterations,
-            cost,
-            monitor.max_gradient() / scales.gradient,
-            scales.length,
-            radius / std::sqrt(blocks),
-            norm / std::sqrt(blocks),
-            step.lambda / unit,
-            (int)step.end,
-            (long long)(linear->factorizations() - factors),
-            (long long)(direct.failures() - fails),
-            (long long)step.iterations,
-            end.step,
-            ratio,
-            (long long)monitor.counters().evaluations);
-      }
-      if (monitor.stopped() && end.step == 0.0) break;
-      if (end.step == 0.0 || search.x == x) {
-        if (monitor.LastEvaluationFailed()) {
-          monitor.FailEvaluation();
-          break;
-        }
-        if (++short_of > 20) {
-          monitor.GiveUp("no step lowers the cost");
-          break;
-        }
-        radius = 0.25 * norm;
-        direct.Suggest(radius);
-        continue;
-      }
-      short_of = 0;
-      const double length = end.step * norm;
-      if (end.step < 1.0) {
-        radius = shrink * length;
-      } else if (ratio > 0.5) {
-        radius = std::max(radius, grow * length);
-      } else if (ratio < 0.25) {
-        radius = 0.5 * length;
-      }
-      taken = search.x - x;
-      std::swap(x, search.x);
-      std::swap(g, search.g);
-      cost = search.cost;
-      scales = search.scales;
-      is_new = true;
-      if (monitor.Accept(x.data(), cost, g.data(), scales)) break;
-      direct.Suggest(radius);
-      if (preconditioner != nullptr) {
-        preconditioner->Update(
-            {x.data(), cost, g.data(), scales}, taken.data(), &monitor);
-      }
-      monitor.Recenter(x.data());
-      if (monitor.WantsRebase() && monitor.Rebase(x.data()) &&
-          !monitor.Evaluate(x.data(), &cost, g.data(), &scales)) {
-        monitor.FailEvaluation();
-        break;
-      }
-    }
-    return monitor.Finish(x_out);
-  }
+                   double* x) const override;
 
  private:
+  friend class NewtonRun;
+
   const bool is_direct_;
   const bool is_exact_;
+  const bool drops_unheld_;
+  const bool searches_;
+  const double radius_;
+  const double floor_;
   const PreconditionerChoice preconditioner_;
+  Parameters parameters_;  // of the linear solver
 };
+
+class NewtonRun {
+ public:
+  NewtonRun(const Newton& method,
+            FirstOrderFunction* function,
+            const SolveOptions& options)
+      : method_(method),
+        monitor_(function, options, method.name()),
+        n_(monitor_.n()),
+        second_(dynamic_cast<const SecondOrderFunction*>(function)),
+        unilateral_(dynamic_cast<const UnilateralFunction*>(function)),
+        search_(n_),
+        g_(n_),
+        s_(n_) {}
+
+  Summary Minimize(double* x_out);
+
+ private:
+  // H and h at x_. False where the function has none.
+  bool UpdateModel();
+  // s_, in LinearTimer but for what the function does.
+  SubproblemStep SolveSubproblem();
+  SubproblemStep SolveDirect();
+  SubproblemStep SolveTruncated();
+  // A shift to begin with where H is indefinite.
+  double FirstRaise();
+  // Goes along s_; the end is in search_ if its step is not zero.
+  LinePoint Step(const SubproblemStep& step);
+  void UpdateRadius(double part, double norm, double ratio);
+
+  const Newton& method_;
+  Monitor monitor_;
+  const int n_;
+  const SecondOrderFunction* const second_;
+  const UnilateralFunction* const unilateral_;
+  StepSearch search_;
+  VectorXd x_, g_, s_;
+  double cost_ = 0.0;
+  Scales scales_;
+
+  std::unique_ptr<LinearSolver> linear_;
+  std::unique_ptr<NearlyExactSubproblem> direct_;
+  std::unique_ptr<Preconditioner> preconditioner_;
+  RigidHessian rigid_;
+  SparseMatrix hessian_, other_;
+  double unit_ = 0.0;  // h
+  double radius_ = 0.0;
+  // What max|g| is measured in.
+  double gradient_unit_ = 0.0;
+};
+
+Summary Newton::Minimize(FirstOrderFunction* function,
+                         const SolveOptions& options,
+                         double* x) const {
+  return NewtonRun(*this, function, options).Minimize(x);
+}
+
+bool NewtonRun::UpdateModel() {
+  const Monitor::LinearTimer timer(&monitor_);
+  ++monitor_.counters().hessians;
+  bool done;
+  if (!method_.is_exact_) {
+    done = unilateral_->EvaluateStiffness(x_.data(), 0.0, &hessian_);
+  } else if (unilateral_ != nullptr && method_.drops_unheld_) {
+    done = rigid_.Evaluate(*unilateral_, x_.data(), &hessian_);
+  } else {
+    done = second_->EvaluateHessian(x_.data(), &hessian_);
+  }
+  if (!done) return false;
+  unit_ = 0.0;
+  for (int j = 0; j < n_; ++j) {
+    // The diagonal entry is the first of its column.
+    const int first = hessian_.outerIndexPtr()[j];
+    if (first < hessian_.outerIndexPtr()[j + 1] &&
+        hessian_.innerIndexPtr()[first] == j) {
+      unit_ += std::abs(hessian_.valuePtr()[first]);
+    }
+  }
+  unit_ /= n_;
+  // As on a plane.
+  if (!(unit_ > 0.0)) unit_ = 1.0 / monitor_.StepUnit();
+  return true;
+}
+
+double NewtonRun::FirstRaise() {
+  if (method_.is_exact_ && unilateral_ != nullptr &&
+      unilateral_->EvaluateStiffness(x_.data(), 0.0, &other_)) {
+    ++monitor_.counters().hessians;
+    const double taken = (other_.diagonal() - hessian_.diagonal()).maxCoeff();
+    if (taken > 0.0) return kFirstRaise * taken;
+  }
+  return kBlindRaise * unit_;
+}
+
+SubproblemStep NewtonRun::SolveDirect() {
+  const Monitor::LinearTimer timer(&monitor_);
+  const std::int64_t factorizations = linear_->factorizations();
+  const std::int64_t solves = linear_->solves();
+  const std::int64_t iterations = linear_->iterations();
+  const SubproblemStep step = direct_->Solve(
+      hessian_,
+      second_->PatternVersion(),
+      method_.floor_ * unit_,
+      unit_,
+      g_,
+      radius_,
+      [this]() { return FirstRaise(); },
+      &s_);
+  Counters& counters = monitor_.counters();
+  counters.factorizations += linear_->factorizations() - factorizations;
+  counters.solves += linear_->solves() - solves;
+  counters.linear_iterations += linear_->iterations() - iterations;
+  return step;
+}
+
+SubproblemStep NewtonRun::SolveTruncated() {
+  TruncatedSubproblem truncated;
+  truncated.times = [this](const VectorXd& v, VectorXd* hv) {
+    const Monitor::LinearTimer timer(&monitor_);
+    *hv = hessian_.selfadjointView<Eigen::Lower>() * v;
+    *hv += (method_.floor_ * unit_) * v;
+  };
+  if (preconditioner_ != nullptr) {
+    truncated.solve = [this](const VectorXd& r, VectorXd* z) {
+      preconditioner_->Solve(r.data(), z->data(), &monitor_);
+    };
+  }
+  truncated.tolerance = std::min(
+      kLargestForcing, std::sqrt(monitor_.max_gradient() / gradient_unit_));
+  truncated.max_iterations = 2 * static_cast<std::int64_t>(n_);
+  // Where P is like H, |s| in P is the root of an energy.
+  const double p_unit = preconditioner_ != nullptr ? unit_ : 1.0;
+  SubproblemStep step = truncated.Solve(g_, p_unit * radius_ * radius_, &s_);
+  step.norm2 /= p_unit;
+  monitor_.counters().linear_iterations += step.iterations;
+  return step;
+}
+
+LinePoint NewtonRun::Step(const SubproblemStep& step) {
+  const LinePoint start{0.0, cost_, g_.dot(s_)};
+  if (!(start.slope < 0.0)) return start;
+  LineSearchOptions options;
+  options.sufficient_decrease = kSufficientDecrease;
+  if (method_.searches_) {
+    return search_.Search(options, x_, s_, start, 1.0, &monitor_).point;
+  }
+  if (monitor_.BudgetSpent()) return start;
+  search_.x = x_ + s_;
+  if (!monitor_.Evaluate(
+          search_.x.data(), &search_.cost, search_.g.data(), &search_.scales)) {
+    return start;
+  }
+  const LinePoint end{1.0, search_.cost, search_.g.dot(s_)};
+  return LineChange(start, end) <= kSufficientDecrease * step.change ? end
+                                                                     : start;
+}
+
+void NewtonRun::UpdateRadius(double part, double norm, double ratio) {
+  const double length = part * norm;
+  if (part < 1.0) {
+    radius_ = kBeyond * length;
+  } else if (ratio > kGood) {
+    radius_ = std::max(radius_, kGrow * length);
+  } else if (ratio < kBad) {
+    radius_ = kShrink * length;
+  }
+}
+
+Summary NewtonRun::Minimize(double* x_out) {
+  x_ = Eigen::Map<const VectorXd>(x_out, n_);
+  if (!monitor_.Begin(method_, x_.data(), &cost_, g_.data(), &scales_)) {
+    return monitor_.Finish(x_out);
+  }
+  monitor_.Recenter(x_.data());
+  if (method_.is_direct_) {
+    Parameters parameters = method_.parameters_;
+    linear_ = MakeLinearSolver(&parameters);
+    NearlyExactSubproblem::Options loose;
+    loose.least = 0.1;
+    loose.most = 2.0;
+    loose.accepts_short = true;
+    loose.hard = 0.8;
+    loose.negligible = kNegligible;
+    direct_ = std::make_unique<NearlyExactSubproblem>(loose, linear_.get());
+  }
+  preconditioner_ = method_.preconditioner_.Make();
+  if (preconditioner_ != nullptr) {
+    preconditioner_->Update(
+        {x_.data(), cost_, g_.data(), scales_}, nullptr, &monitor_);
+  }
+  const bool has_scales = scales_.length > 0.0 && scales_.gradient > 0.0;
+  // Where no length is known, that to a zero of the linear model.
+  radius_ = method_.radius_ *
+            (has_scales ? scales_.length * std::sqrt(static_cast<double>(n_) /
+                                                     second_->BlockSize())
+                        : monitor_.StepUnit() * g_.norm());
+  const double first_gradient = monitor_.max_gradient();
+
+  bool model_is_new = false;
+  int retreats = 0;
+  int idle = 0;  // iterations without progress at roundoff
+  double least_gradient = first_gradient;
+  VectorXd moved(n_);
+  while (!monitor_.BudgetSpent()) {
+    if (!model_is_new && !UpdateModel()) {
+      monitor_.GiveUp("the function has no Hessian here");
+      break;
+    }
+    model_is_new = true;
+    gradient_unit_ = scales_.gradient > 0.0 ? scales_.gradient : first_gradient;
+    const SubproblemStep step =
+        method_.is_direct_ ? SolveDirect() : SolveTruncated();
+    if (linear_ != nullptr && !linear_->refusal().empty()) {
+      monitor_.RunOutOfMemory(linear_->refusal());
+      break;
+    }
+    if (step.end == End::FAILED) {
+      monitor_.GiveUp("no shift makes the Hessian positive definite");
+      break;
+    }
+    const LinePoint start{0.0, cost_, g_.dot(s_)};
+    const LinePoint end = Step(step);
+    if (monitor_.stopped() && end.step == 0.0) break;
+    const double norm = std::sqrt(step.norm2);
+    // Neither is a step that rounding takes away.
+    if (end.step == 0.0 || search_.x == x_) {
+      if (method_.searches_ && monitor_.LastEvaluationFailed()) {
+        monitor_.FailEvaluation();
+        break;
+      }
+      if (++retreats > (method_.searches_ ? kMaxRetreats : 100)) {
+        if (monitor_.LastEvaluationFailed()) monitor_.FailEvaluation();
+        monitor_.GiveUp("no step lowers the cost");
+        break;
+      }
+      radius_ = kRetreat * norm;
+      if (direct_ != nullptr) direct_->Suggest(s_, radius_);
+      continue;
+    }
+    retreats = 0;
+    const double bend = 2.0 * (step.change - start.slope);
+    const double predicted = end.step * (start.slope + 0.5 * end.step * bend);
+    UpdateRadius(end.step, norm, LineChange(start, end) / predicted);
+    if (direct_ != nullptr) direct_->Suggest(s_, radius_);
+
+    moved = search_.x - x_;
+    std::swap(x_, search_.x);
+    std::swap(g_, search_.g);
+    cost_ = search_.cost;
+    scales_ = search_.scales;
+    model_is_new = false;
+    if (monitor_.Accept(x_.data(), cost_, g_.data(), scales_)) break;
+    idle = monitor_.max_gradient() < least_gradient ||
+                   monitor_.max_gradient() > monitor_.Roundoff()
+               ? 0
+               : idle + 1;
+    least_gradient = std::min(least_gradient, monitor_.max_gradient());
+    if (idle >= kPatienceAtRoundoff) {
+      monitor_.GiveUp("|g| is within its roundoff");
+      break;
+    }
+    if (preconditioner_ != nullptr) {
+      preconditioner_->Update(
+          {x_.data(), cost_, g_.data(), scales_}, moved.data(), &monitor_);
+    }
+    monitor_.Recenter(x_.data());
+    if (monitor_.WantsRebase() && monitor_.Rebase(x_.data()) &&
+        !monitor_.Evaluate(x_.data(), &cost_, g_.data(), &scales_)) {
+      monitor_.FailEvaluation();
+      break;
+    }
+  }
+  return monitor_.Finish(x_out);
+}
 
 }  // namespace
 
-REGISTER_SOLVER(newton, Newton, "trust region", "x");
+REGISTER_SOLVER(newton,
+                Newton,
+                "trust region on the sparse Hessian, nearly exact or truncated",
+                "More, Sorensen, SIAM J. Sci. Stat. Comput. 4 (1983) 553; "
+                "Steihaug, SIAM J. Numer. Anal. 20 (1983) 626; Conn, Gould, "
+                "Toint, Trust-Region Methods (2000)");
 
 }  // namespace granopt
