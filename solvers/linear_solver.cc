@@ -39,9 +39,10 @@ class Direct : public LinearSolver {
     analyses_ = cholesky_.num_analyses();
     refusal_.clear();
     if (cholesky_.ExceedsMemory()) {
-      refusal_ = Format("a factor takes %.3g GB > %.3g GB (option memory)",
-                        cholesky_.Bytes() / kGigabyte,
-                        cholesky_.memory_limit() / kGigabyte);
+      refusal_ =
+          Format("a factor takes %.3g GB > %.3g GB (option factor_memory)",
+                 cholesky_.Bytes() / kGigabyte,
+                 cholesky_.memory_limit() / kGigabyte);
     }
     return done;
   }
@@ -160,7 +161,7 @@ std::unique_ptr<LinearSolver> MakeLinearSolver(Parameters* parameters) {
                          1e-15,
                          0.5,
                          "|b - A x| / |b| where pcg and amg stop");
-  double memory = parameters->Double("memory",
+  double memory = parameters->Double("factor_memory",
                                      0.0,
                                      0.0,
                                      1e9,

@@ -58,7 +58,7 @@ class LinearSolver {
 //                                BoomerAMG; refused in a build without)
 //   ordering=amd|metis|rcm       of the direct one
 //   linear_tolerance=1e-8        of the iterative ones, |b - A x| / |b|
-//   memory=0                     GB that a factor may take; known, and refused,
+//   factor_memory=0              GB that a factor may take; known, and refused,
 //                                before it is made. 0: half of the machine's
 std::unique_ptr<LinearSolver> MakeLinearSolver(Parameters* parameters);
 
