@@ -5,6 +5,7 @@
 
 #include "Eigen/Core"
 #include "solvers/monitor.h"
+#include "solvers/step_search.h"
 
 namespace granopt {
 
@@ -28,7 +29,8 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
   const std::unique_ptr<DirectionRule> rule = MakeRule(n, preconditioned);
 
   VectorXd x = Eigen::Map<const VectorXd>(x_out, n);
-  VectorXd g(n), d(n), s(n), x_trial(n), g_trial(n), x_kept(n), g_kept(n);
+  VectorXd g(n), d(n), s(n);
+  StepSearch search(n);
   VectorXd z_own(preconditioned ? n : 0), z_new_own(preconditioned ? n : 0);
   double cost = 0.0;
   Scales scales;
@@ -63,38 +65,12 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
       break;
     }
 
-    // The last trial, and the one that the search may come back to.
-    double trial_step = 0.0, trial_cost = cost, kept_cost = cost;
-    Scales trial_scales = scales, kept_scales = scales;
-    const auto evaluate = [&](double step, LinePoint* p) {
-      if (monitor.BudgetSpent()) return LineEvaluation::STOP;
-      if (p->step > 0.0 && p->step == trial_step) {
-        std::swap(x_kept, x_trial);
-        std::swap(g_kept, g_trial);
-        kept_cost = trial_cost;
-        kept_scales = trial_scales;
-      }
-      trial_step = step;
-      x_trial = x + step * d;
-      if (!monitor.Evaluate(
-              x_trial.data(), &trial_cost, g_trial.data(), &trial_scales)) {
-        return LineEvaluation::NOT_FINITE;
-      }
-      *p = {step, trial_cost, g_trial.dot(d)};
-      return LineEvaluation::OK;
-    };
     const LineSearchResult found =
-        SearchLine(evaluate, start, first_step, line_search_);
+        search.Search(line_search_, x, d, start, first_step, &monitor);
     // A stop inside the line search may leave a better point behind.
     if (monitor.stopped() && found.point.step == 0.0) break;
-    if (found.point.step > 0.0 && !found.is_last) {
-      std::swap(x_kept, x_trial);
-      std::swap(g_kept, g_trial);
-      trial_cost = kept_cost;
-      trial_scales = kept_scales;
-    }
     // Neither is a step that rounding takes away.
-    if (found.point.step == 0.0 || x_trial == x) {
+    if (found.point.step == 0.0 || search.x == x) {
       if (monitor.LastEvaluationFailed()) {
         monitor.FailEvaluation();
       } else if (is_fresh) {
@@ -106,16 +82,16 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
       }
       continue;
     }
-    s = x_trial - x;
-    std::swap(x, x_trial);
-    std::swap(g, g_trial);  // g_trial is now the gradient before
-    cost = trial_cost;
-    scales = trial_scales;
+    s = search.x - x;
+    std::swap(x, search.x);
+    std::swap(g, search.g);  // search.g is now the gradient before
+    cost = search.cost;
+    scales = search.scales;
     if (monitor.Accept(x.data(), cost, g.data(), scales)) break;
 
     if (preconditioned) solve(g.data(), z_new_own.data());
     rule->Taken({s.data(),
-                 g_trial.data(),
+                 search.g.data(),
                  z,
                  g.data(),
                  preconditioned ? z_new_own.data() : g.data(),

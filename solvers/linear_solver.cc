@@ -1,10 +1,14 @@
 #include "solvers/linear_solver.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 
 #include "Eigen/IterativeLinearSolvers"
+#include "solvers/format.h"
 #include "solvers/iterative_linear_solver.h"
 #include "solvers/normalize.h"
 #include "solvers/sparse_cholesky.h"
@@ -12,9 +16,20 @@
 namespace granopt {
 namespace {
 
+constexpr double kGigabyte = 1e9;
+
+// Half of the machine's memory, in bytes.
+double DefaultMemory() {
+  const double pages = static_cast<double>(sysconf(_SC_PHYS_PAGES));
+  const double bytes = 0.5 * pages * static_cast<double>(sysconf(_SC_PAGESIZE));
+  return bytes > 0.0 ? bytes : std::numeric_limits<double>::infinity();
+}
+
 class Direct : public LinearSolver {
  public:
-  explicit Direct(Ordering ordering) : cholesky_(ordering) {}
+  Direct(Ordering ordering, double memory) : cholesky_(ordering) {
+    cholesky_.set_memory_limit(memory);
+  }
 
   bool Factorize(const SparseMatrix& lower,
                  std::int64_t pattern_version,
@@ -22,6 +37,13 @@ class Direct : public LinearSolver {
     ++factorizations_;
     const bool done = cholesky_.Factorize(lower, pattern_version, shift);
     analyses_ = cholesky_.num_analyses();
+    refusal_.clear();
+    if (cholesky_.ExceedsMemory()) {
+      refusal_ =
+          Format("a factor takes %.3g GB > %.3g GB (option factor_memory)",
+                 cholesky_.Bytes() / kGigabyte,
+                 cholesky_.memory_limit() / kGigabyte);
+    }
     return done;
   }
 
@@ -139,17 +161,26 @@ std::unique_ptr<LinearSolver> MakeLinearSolver(Parameters* parameters) {
                          1e-15,
                          0.5,
                          "|b - A x| / |b| where pcg and amg stop");
+  double memory = parameters->Double("factor_memory",
+                                     0.0,
+                                     0.0,
+                                     1e9,
+                                     "GB that a factor may take; 0: half of "
+                                     "the machine's");
+  memory = memory > 0.0 ? memory * kGigabyte : DefaultMemory();
   if (kind == 1) return std::make_unique<ConjugateGradients>(tolerance);
   if (kind == 2) {
     std::unique_ptr<LinearSolver> amg = MakeBoomerAmg(tolerance);
     if (amg != nullptr) return amg;
-    parameters->Refuse("linear", "amg", "needs hypre");
+    parameters->Refuse(
+        "linear", "amg", "needs hypre, which this build is without");
   }
   if (!SparseCholesky::Has(ordering)) {
-    parameters->Refuse("ordering", "metis", "needs CHOLMOD");
-    return std::make_unique<Direct>(Ordering::AMD);
+    parameters->Refuse(
+        "ordering", "metis", "needs CHOLMOD, which this build is without");
+    return std::make_unique<Direct>(Ordering::AMD, memory);
   }
-  return std::make_unique<Direct>(ordering);
+  return std::make_unique<Direct>(ordering, memory);
 }
 
 }  // namespace granopt

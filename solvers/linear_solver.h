@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <string>
 
 #include "solvers/registry.h"
 #include "solvers/second_order.h"
@@ -31,6 +32,10 @@ class LinearSolver {
   // b[columns * i + c]. b and x are not the same array.
   virtual void Solve(const double* b, double* x, int columns) = 0;
 
+  // Why Factorize() returned false if no shift will help, with both numbers;
+  // empty if that is not so.
+  const std::string& refusal() const { return refusal_; }
+
   // Work so far: factorizations (or set-ups), solves (one a column), iterations
   // inside them, symbolic analyses.
   std::int64_t factorizations() const { return factorizations_; }
@@ -43,6 +48,7 @@ class LinearSolver {
   std::int64_t solves_ = 0;
   std::int64_t iterations_ = 0;
   std::int64_t analyses_ = 0;
+  std::string refusal_;
 };
 
 // Reads the options
@@ -52,6 +58,8 @@ class LinearSolver {
 //                                BoomerAMG; refused in a build without)
 //   ordering=amd|metis|rcm       of the direct one
 //   linear_tolerance=1e-8        of the iterative ones, |b - A x| / |b|
+//   factor_memory=0              GB that a factor may take; known, and refused,
+//                                before it is made. 0: half of the machine's
 std::unique_ptr<LinearSolver> MakeLinearSolver(Parameters* parameters);
 
 }  // namespace granopt

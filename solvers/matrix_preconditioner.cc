@@ -71,6 +71,10 @@ bool MatrixPreconditioner::Make(const Iterate& at, Monitor* monitor) {
     }
     done = linear_->Factorize(
         matrix_.lower, matrix_.pattern_version, matrix_.shift);
+    if (!linear_->refusal().empty()) {
+      monitor->RunOutOfMemory(linear_->refusal());
+      break;
+    }
   }
   monitor->counters().factorizations += linear_->factorizations() - before;
   return done;

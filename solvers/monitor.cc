@@ -56,6 +56,8 @@ const char* StopReasonName(StopReason reason) {
       return "MAX_EVALUATIONS";
     case StopReason::MAX_SECONDS:
       return "MAX_SECONDS";
+    case StopReason::MAX_MEMORY:
+      return "MAX_MEMORY";
     case StopReason::CALLBACK:
       return "CALLBACK";
     case StopReason::NO_PROGRESS:
@@ -362,6 +364,15 @@ void Monitor::GiveUp(const std::string& why) {
 
 void Monitor::Refuse(const std::string& why) {
   Stop(StopReason::UNSUPPORTED, why);
+}
+
+void Monitor::RunOutOfMemory(const std::string& why) {
+  Stop(StopReason::MAX_MEMORY,
+       Format("|g| = %.2e > %.2e after %lld iterations: ",
+              best_max_gradient_,
+              Tolerance(best_scales_),
+              static_cast<long long>(counters_.iterations)) +
+           why);
 }
 
 void Monitor::FailEvaluation(const std::string& what) {

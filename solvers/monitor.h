@@ -76,6 +76,9 @@ class Monitor {
   void GiveUp(const std::string& why);
   // The method cannot serve this function (Solver::Supports()).
   void Refuse(const std::string& why);
+  // The method cannot go on with the memory that it may take; `why` has both
+  // numbers.
+  void RunOutOfMemory(const std::string& why);
   // The method cannot go on since the last evaluation was not finite, or, if
   // that was well, for what `what` says.
   void FailEvaluation(const std::string& what = "");

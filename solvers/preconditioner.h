@@ -32,7 +32,8 @@ class Preconditioner {
 
   // Called at the start (step = null) and after each accepted step, which is
   // x - x_before. Makes P anew where the preconditioner's own policy says so;
-  // returns true if it did. Never fails: where no matrix can be made or
+  // returns true if it did. A factor that needs more memory than it may take
+  // stops the run. Never fails otherwise: where no matrix can be made or
   // factored, P = (Scales::gradient / Scales::length) 1, counted by
   // num_fallbacks().
   virtual bool Update(const Iterate& at,

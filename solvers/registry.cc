@@ -213,8 +213,7 @@ void Parameters::Refuse(const std::string& key,
                         const std::string& value,
                         const std::string& why) {
   if (error_.empty()) {
-    error_ = "option " + key + "=" + value + " " + why +
-             ", which this build is without";
+    error_ = "option " + key + "=" + value + " " + why;
   }
 }
 

@@ -49,7 +49,8 @@ class Parameters {
              const std::string& choices,
              const std::string& help);
 
-  // A value that this build is without: "option key=value why".
+  // A value that does not go with other options, or that this build is
+  // without: "option key=value why".
   void Refuse(const std::string& key,
               const std::string& value,
               const std::string& why);

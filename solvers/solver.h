@@ -22,7 +22,8 @@ enum class StopReason {
   MAX_ITERATIONS,
   MAX_EVALUATIONS,
   MAX_SECONDS,
-  CALLBACK,  // the caller asked to stop
+  MAX_MEMORY,  // a factor would take more than it may
+  CALLBACK,    // the caller asked to stop
   // The method gave up by itself; its own words are in the message.
   NO_PROGRESS,
   // The function or its gradient was not finite where a method cannot go on.

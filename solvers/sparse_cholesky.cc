@@ -110,6 +110,18 @@ class SparseCholesky::Backend {
     return static_cast<std::int64_t>(common_.lnz);
   }
 
+  // Values and row numbers; before that, those of the blocks with their
+  // padding, which are turned into columns while both exist.
+  double Bytes() const {
+    double bytes = common_.lnz * (sizeof(double) + sizeof(int));
+    if (symbolic_->is_super) {
+      bytes += sizeof(double) *
+                   static_cast<double>(symbolic_->xsize + symbolic_->maxcsize) +
+               sizeof(int) * static_cast<double>(symbolic_->ssize);
+    }
+    return bytes;
+  }
+
  private:
   static cholmod_sparse Sparse(const SparseMatrix& lower,
                                const double* values) {
@@ -170,7 +182,8 @@ class SparseCholesky::Backend {
       order_ = inverse.inverse();
     }
     Permute(lower);
-    ldlt_.analyzePattern(upper_);
+    num_entries_ = CountEntries();
+    is_analyzed_ = false;
     return true;
   }
 
@@ -183,6 +196,9 @@ class SparseCholesky::Backend {
                                            lower.outerIndexPtr(),
                                            lower.innerIndexPtr(),
                                            values));
+    // Here, since it allocates the factor.
+    if (!is_analyzed_) ldlt_.analyzePattern(upper_);
+    is_analyzed_ = true;
     ldlt_.setShift(shift);
     ldlt_.factorize(upper_);
     // LDL^T exists for indefinite matrices too: the signs of D decide.
@@ -198,6 +214,8 @@ class SparseCholesky::Backend {
     return solution_.data();
   }
 
+  double Bytes() const { return num_entries_ * (sizeof(double) + sizeof(int)); }
+
   std::int64_t NumNonzeros() {
     return ldlt_.matrixL().nestedExpression().nonZeros() + ldlt_.rows();
   }
@@ -205,6 +223,27 @@ class SparseCholesky::Backend {
  private:
   using Permutation =
       Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int>;
+
+  // Entries of L by its rows: row k is a subtree of the elimination tree, with
+  // the leaves that column k of the upper triangle names (Davis, Direct Methods
+  // for Sparse Linear Systems (2006), 4.2).
+  double CountEntries() const {
+    const auto n = static_cast<int>(upper_.cols());
+    std::vector<int> parent(n, -1), seen(n, -1);
+    double count = n;
+    for (int k = 0; k < n; ++k) {
+      seen[k] = k;
+      for (SparseMatrix::InnerIterator it(upper_, k); it; ++it) {
+        for (auto i = static_cast<int>(it.row()); i < k && seen[i] != k;
+             i = parent[i]) {
+          if (parent[i] < 0) parent[i] = k;
+          seen[i] = k;
+          ++count;
+        }
+      }
+    }
+    return count;
+  }
 
   template <typename Matrix>
   void Permute(const Matrix& lower) {
@@ -219,6 +258,8 @@ class SparseCholesky::Backend {
   Eigen::SimplicialLDLT<SparseMatrix, Eigen::Upper, Eigen::NaturalOrdering<int>>
       ldlt_;
   Eigen::MatrixXd permuted_, solution_;
+  double num_entries_ = 0.0;
+  bool is_analyzed_ = false;
 };
 
 bool SparseCholesky::Has(Ordering ordering) {
@@ -256,10 +297,12 @@ bool SparseCholesky::Factorize(const SparseMatrix& lower,
     if (lower.rows() > 0 && !backend_->Analyze(lower)) return false;
     analyzed_version_ = pattern_version;
     size_ = static_cast<int>(lower.rows());
+    bytes_ = size_ > 0 ? backend_->Bytes() : 0.0;
     ++num_analyses_;
   }
   num_nonzeros_ = 0;
   if (size_ == 0) return true;
+  if (ExceedsMemory()) return false;
   if (!backend_->Factorize(lower, values_.data(), shift)) return false;
   num_nonzeros_ = backend_->NumNonzeros();
   return true;

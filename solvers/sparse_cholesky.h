@@ -4,6 +4,7 @@
 #define GRANOPT_SOLVERS_SPARSE_CHOLESKY_H_
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -39,7 +40,8 @@ class SparseCholesky {
   // writes it; `pattern_version` names its pattern
   // (SecondOrderFunction::PatternVersion()). Returns false if A + shift 1 is
   // not positive definite or not finite: an ordinary situation, after which
-  // Solve() must not be called.
+  // Solve() must not be called. Nor is anything factored while Bytes() exceeds
+  // the limit.
   bool Factorize(const SparseMatrix& lower,
                  std::int64_t pattern_version,
                  double shift = 0.0);
@@ -47,6 +49,14 @@ class SparseCholesky {
   // x = (A + shift 1)^-1 b for `columns` right-hand sides, interleaved: entry i
   // of column c is b[columns * i + c]. b and x may be the same array.
   void Solve(const double* b, double* x, int columns = 1);
+
+  // What the factor of the pattern last analyzed takes at its largest, known
+  // before it is made. Factorize() makes none above the limit, which is none at
+  // first.
+  double Bytes() const { return bytes_; }
+  void set_memory_limit(double bytes) { memory_limit_ = bytes; }
+  double memory_limit() const { return memory_limit_; }
+  bool ExceedsMemory() const { return bytes_ > memory_limit_; }
 
   // Symbolic analyses so far, and entries of the last factor.
   std::int64_t num_analyses() const { return num_analyses_; }
@@ -65,6 +75,8 @@ class SparseCholesky {
   std::int64_t num_analyses_ = 0;
   std::int64_t num_nonzeros_ = 0;
   int size_ = -1;
+  double bytes_ = 0.0;
+  double memory_limit_ = std::numeric_limits<double>::infinity();
 };
 
 }  // namespace granopt

@@ -38,6 +38,7 @@
 #include "solvers/linear_solver.h"
 #include "solvers/monitor.h"
 #include "solvers/registry.h"
+#include "solvers/rigidity.h"
 #include "solvers/unilateral.h"
 
 namespace granopt {
@@ -58,9 +59,9 @@ constexpr double kOmegas[] = {1.0, 0.3, 0.0};
 // Added to the diagonal, in units of the mean stiffness, for what nothing
 // holds.
 constexpr double kFloor = 1e-9;
-// Stiffness across the gaps of objects that too few closed gaps hold, in units
-// of the largest pre-stress f |Hess(delta)|. It keeps them from flying off;
-// more of it slows what they touch.
+// Added to the diagonal of objects that too few closed gaps hold, in units of
+// the largest pre-stress f |Hess(delta)|. It keeps them from flying off; more
+// of it slows what they touch.
 constexpr double kLooseHold = 0.03;
 // A shift that was not enough: first in those units, then times this; a quarter
 // of it is tried after a success.
@@ -197,42 +198,31 @@ class Run {
     }
   }
 
-  // Writes the matrix for closures e and slacks s of the members, phi and phi'
-  // being those of e. Objects that too few closed gaps hold get no pre-stress,
-  // which would make the matrix indefinite for nothing. They are held: where
-  // they are or, `at_end`, by their closed gaps, so that translations stay what
-  // they are.
-  bool Assemble(const VectorXd& e,
-                const VectorXd& s,
-                const VectorXd& phi,
-                const VectorXd& dphi,
-                bool at_end) {
+  // Writes the matrix of e and s. Objects that too few closed gaps hold get no
+  // pre-stress, which would make the matrix indefinite for nothing, and are
+  // held where they are.
+  bool Assemble() {
     const int m = num_gaps();
     first_ = second_ = rho_ = VectorXd::Zero(m);
     degree_.assign(n_ / block_, 0);
     for (int c = 0; c < m; ++c) {
       const GapId& id = gaps_.ids[c];
-      if (!(e[c] > s[c]) || id.i == id.j) continue;
+      if (!(e_[c] > s_[c]) || id.i == id.j) continue;
       ++degree_[id.i];
       ++degree_[id.j];
     }
-    if (at_end) LoosenClusters(e);
     prestress_ = 0.0;
     for (int c = 0; c < m; ++c) {
-      if (!(e[c] > 0.0)) continue;
+      if (!IsMember(c)) continue;
       const double k = gaps_.stiffness[c];
-      rho_[c] = phi[c] / (phi[c] + s[c] * dphi[c]);
-      first_[c] = k * dphi[c] * rho_[c];
-      prestress_ = std::max(prestress_, k * phi[c] * gaps_.curvature[c]);
+      rho_[c] = phi_[c] / (phi_[c] + s_[c] * dphi_[c]);
+      first_[c] = k * dphi_[c] * rho_[c];
+      prestress_ = std::max(prestress_, k * phi_[c] * gaps_.curvature[c]);
     }
     for (int c = 0; c < m; ++c) {
-      if (!(e[c] > 0.0)) continue;
-      if (IsLoose(gaps_.ids[c].i) || IsLoose(gaps_.ids[c].j)) {
-        if (at_end && gaps_.curvature[c] > 0.0) {
-          second_[c] = -kLooseHold * prestress_ / gaps_.curvature[c];
-        }
-      } else {
-        second_[c] = settings_.theta * (gaps_.stiffness[c] * phi[c]);
+      if (!IsMember(c)) continue;
+      if (!IsLoose(gaps_.ids[c].i) && !IsLoose(gaps_.ids[c].j)) {
+        second_[c] = settings_.theta * (gaps_.stiffness[c] * phi_[c]);
       }
     }
     if (!function_->EvaluateWeightedHessian(
@@ -240,7 +230,7 @@ class Run {
       return false;
     }
     ++monitor_->counters().hessians;
-    for (int i = 0; i < static_cast<int>(degree_.size()) && !at_end; ++i) {
+    for (int i = 0; i < static_cast<int>(degree_.size()); ++i) {
       if (!IsLoose(i)) continue;
       for (int k = 0; k < block_; ++k) {
         // The diagonal entry is the first of its column.
@@ -252,25 +242,6 @@ class Run {
   }
 
   bool IsLoose(int object) const { return degree_[object] <= block_; }
-
-  // What holds on to loose objects alone is loose, too.
-  void LoosenClusters(const VectorXd& e) {
-    for (bool again = true; again;) {
-      again = false;
-      std::vector<int> degree(degree_.size(), 0);
-      for (int c = 0; c < num_gaps(); ++c) {
-        const GapId& id = gaps_.ids[c];
-        if (!(e[c] > 0.0) || id.i == id.j) continue;
-        if (IsLoose(id.i) || IsLoose(id.j)) continue;
-        ++degree[id.i];
-        ++degree[id.j];
-      }
-      for (std::size_t i = 0; i < degree.size(); ++i) {
-        again = again || (degree[i] <= block_ && degree_[i] > block_);
-      }
-      degree_ = degree;
-    }
-  }
 
   // Factors the matrix, shifted until that is possible.
   bool FactorizeShifted() {
@@ -433,7 +404,7 @@ class Run {
       bool factored = false;
       {
         const Monitor::LinearTimer timer(monitor_);
-        factored = Assemble(e_, s_, phi_, dphi_, false) && FactorizeShifted();
+        factored = Assemble() && FactorizeShifted();
         if (factored) ChooseStep(mu);
       }
       if (!factored) {
@@ -521,14 +492,9 @@ class Run {
     for (int step = 0; step < kFinishSteps; ++step) {
       {
         const Monitor::LinearTimer timer(monitor_);
-        const VectorXd closure = gaps_.delta.cwiseMax(0.0);
-        VectorXd phi(num_gaps()), dphi(num_gaps());
-        function_->EvaluateLaw(
-            num_gaps(), closure.data(), phi.data(), dphi.data());
-        if (!Assemble(closure, VectorXd::Zero(num_gaps()), phi, dphi, true) ||
-            !Factorize(0.1 * kFloor * stiffness_scale_)) {
-          return false;
-        }
+        if (!rigid_.Evaluate(*function_, x_.data(), &matrix_)) return false;
+        ++monitor_->counters().hessians;
+        if (!Factorize(0.1 * kFloor * stiffness_scale_)) return false;
         Solve(-g_, &dx_);
       }
       VectorXd g(n_);
@@ -572,6 +538,7 @@ class Run {
   VectorXd first_, second_, rho_;
   std::vector<int> degree_;
   SparseMatrix matrix_;
+  RigidHessian rigid_;
   double shift_ = 0.0, prestress_ = 0.0;
   // The step.
   VectorXd dx_, de_, ds_;

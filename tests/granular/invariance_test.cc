@@ -194,6 +194,9 @@ TEST(Invariance, OptionsAreExactInAnyUnits) {
         "fire:delay=0,dt_max=3",
         "fire:preconditioner=hessian,dt_max=3",
         "heavy_ball:step=3",
+        "newton:hessian=gauss_newton",
+        "newton:step=shrink,unheld=kept,radius=1",
+        "newton:subproblem=truncated,preconditioner=contact,every=1,shift=1e-6",
         "heavy_ball:preconditioner=contact,step=10"}) {
     SCOPED_TRACE(spec);
     std::string error;
@@ -219,7 +222,8 @@ TEST_P(InvarianceTest, HertzIsExactInUnitsOfEvenPowers) {
 }
 
 // pow() is not exact, so this holds for a few iterations only, before rounding
-// grows.
+// grows. One of Newton's is worth hundreds of others', and makes more of the
+// rounding of a gradient where nothing holds an object.
 TEST_P(InvarianceTest, AnyLawIsTheSameUpToRounding) {
   const double alpha = 3.3;
   const Units units = {-13, 5};
@@ -231,13 +235,15 @@ TEST_P(InvarianceTest, AnyLawIsTheSameUpToRounding) {
   ASSERT_EQ(plain.steps.size(), 7u);
   double size = 0.0;
   for (const Step& step : plain.steps) size = std::max(size, MaxAbs(step.x));
-  for (std::size_t k = 0; k < plain.steps.size(); ++k) {
+  const bool is_newton = TraitsOf(GetParam()).solves_quadratics;
+  const double part = is_newton ? 1e-5 : 1e-12;
+  for (std::size_t k = 0; k < (is_newton ? 3 : plain.steps.size()); ++k) {
     std::vector<double> back = other.steps[k].x;
     for (double& v : back) v = std::ldexp(v, -units.b);
-    EXPECT_LE(MaxDifference(back, plain.steps[k].x), 1e-12 * size) << k;
+    EXPECT_LE(MaxDifference(back, plain.steps[k].x), part * size) << k;
     EXPECT_NEAR(std::ldexp(other.steps[k].cost, -units.a),
                 plain.steps[k].cost,
-                1e-12 * plain.steps[0].cost);
+                part * plain.steps[0].cost);
   }
 }
 

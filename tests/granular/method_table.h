@@ -30,6 +30,9 @@ struct MethodTraits {
   double condition = 1e6;
   // The relative residual that it reaches on packings.
   double tolerance = 1e-9;
+  // Is at the minimum of a quadratic after a step or two, so that nothing can
+  // happen to it on the way.
+  bool solves_quadratics = false;
 };
 
 inline const MethodTraits kMethodTraits[] = {
@@ -40,14 +43,15 @@ inline const MethodTraits kMethodTraits[] = {
     {"liblbfgs", "scaled=1,restarts=10", true, 1e3, 1e-6},
     {"tao_lmvm", "scaled=1,restarts=10", true, 1e3, 1e-6},
     // Newton's methods: their tests of a step know of the cost only.
-    {"tao_nls", "scaled=1,restarts=10", true, 1e3, 1e-6},
-    {"tao_bntr", "scaled=1,restarts=10", true, 1e3, 1e-6},
+    {"tao_nls", "scaled=1,restarts=10", true, 1e3, 1e-6, true},
+    {"tao_bntr", "scaled=1,restarts=10", true, 1e3, 1e-6, true},
     // Takes nothing but sums of gaps.
     {"ceres_nlls", "scaled=1,differences=1,restarts=10", true, 1e3, 1e-8},
     // Follows a differential equation, with tolerances of its own.
     {"gradient_flow", "", true, 1e3},
     // Its momentum is for conditions of about 1 / (1 - beta)^2.
     {"heavy_ball", "", false, 1e3},
+    {"newton", "", false, 1e6, 1e-9, true},
 };
 
 inline MethodTraits TraitsOf(const std::string& spec) {
@@ -96,11 +100,20 @@ inline std::vector<std::string> MethodSpecs(bool preconditioned) {
         }
         multiply("beta", betas);
       }
+      if (option.key == "subproblem") {
+        multiply("subproblem", {"direct", "truncated"});
+      }
       if (option.key == "preconditioner" && preconditioned) {
         multiply("preconditioner", PreconditionerChoices());
       }
     }
     for (const std::string& variant : variants) {
+      // A direct solution has no use for a preconditioner, and says so.
+      if (variant.find("subproblem=direct") != std::string::npos &&
+          variant.find("preconditioner=") != std::string::npos &&
+          variant.find("preconditioner=none") == std::string::npos) {
+        continue;
+      }
       specs.push_back(info.name + (variant.empty() ? "" : ":") + variant);
     }
   }

@@ -113,6 +113,40 @@ TEST(SparseCholesky, SolvesColumnsInPlace) {
   }
 }
 
+// A grid, whose factor fills in.
+SparseMatrix Grid(int m) {
+  std::vector<Eigen::Triplet<double>> entries;
+  for (int i = 0; i < m * m; ++i) {
+    entries.emplace_back(i, i, 4.1);
+    if (i % m != m - 1) entries.emplace_back(i + 1, i, -1.0);
+    if (i + m < m * m) entries.emplace_back(i + m, i, -1.0);
+  }
+  SparseMatrix a(m * m, m * m);
+  a.setFromTriplets(entries.begin(), entries.end());
+  return a;
+}
+
+// Known before the factor is made: by columns exactly, by blocks (the larger
+// one) with their padding.
+TEST(SparseCholesky, StatesItsMemoryAndKeepsToIt) {
+  for (const int m : {3, 10, 80}) {
+    SCOPED_TRACE(m);
+    SparseCholesky cholesky;
+    cholesky.set_memory_limit(1.0);
+    EXPECT_FALSE(cholesky.Factorize(Grid(m), 1));
+    EXPECT_TRUE(cholesky.ExceedsMemory());
+    EXPECT_EQ(cholesky.num_nonzeros(), 0);
+    const double stated = cholesky.Bytes();
+    cholesky.set_memory_limit(stated);
+    ASSERT_TRUE(cholesky.Factorize(Grid(m), 1));
+    EXPECT_FALSE(cholesky.ExceedsMemory());
+    EXPECT_EQ(cholesky.num_analyses(), 1);
+    const double entries = static_cast<double>(cholesky.num_nonzeros());
+    EXPECT_GE(stated, 12.0 * entries);
+    EXPECT_LE(stated, 40.0 * entries);
+  }
+}
+
 TEST(SparseCholesky, NamesItsLibrary) {
   EXPECT_FALSE(SparseCholesky::Library().empty());
 }

@@ -331,10 +331,13 @@ class Flow {
     }
     flow.shift_ = flow.force_unit_ / (gamma * flow.length_unit_);
     ++counters.factorizations;
-    return flow.linear_->Factorize(
-               flow.hessian_, flow.second_order_->PatternVersion(), flow.shift_)
-               ? 0
-               : 1;
+    const bool done = flow.linear_->Factorize(
+        flow.hessian_, flow.second_order_->PatternVersion(), flow.shift_);
+    if (!flow.linear_->refusal().empty()) {
+      flow.monitor_->RunOutOfMemory(flow.linear_->refusal());
+      return -1;  // no shorter step will help
+    }
+    return done ? 0 : 1;
   }
 
   static int Precondition(double,
