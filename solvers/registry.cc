@@ -237,9 +237,17 @@ std::string Parameters::Error() const {
 
 std::unique_ptr<Solver> CreateSolver(const std::string& spec,
                                      std::string* error) {
-  if (spec.find('|') != std::string::npos) {
+  const std::vector<std::string> parts = Split(spec, '|');
+  // A bar may also be in a value that does not fit.
+  const auto is_known = [](const std::string& part) {
+    const auto& entries = RegisteredEntries<internal::SolverFactory>();
+    return std::any_of(entries.begin(), entries.end(), [&](const auto& entry) {
+      return entry.name == part.substr(0, part.find(':'));
+    });
+  };
+  if (parts.size() > 1 && std::all_of(parts.begin(), parts.end(), is_known)) {
     std::vector<std::unique_ptr<Solver>> solvers;
-    for (const std::string& part : Split(spec, '|')) {
+    for (const std::string& part : parts) {
       solvers.push_back(CreateSolver(part, error));
       if (solvers.back() == nullptr) return nullptr;
     }

@@ -557,7 +557,7 @@ class InteriorPoint : public Solver {
         1e6,
         "first length, in units of the predicted change of closed gaps");
     settings_.patience = parameters->Int(
-        "patience", 6, 1, "iterations without progress before it gives up");
+        "patience", 10, 1, "iterations without progress before it gives up");
     MakeLinearSolver(parameters);
   }
 
