@@ -653,8 +653,12 @@ TEST_P(Conformance, EvaluationsAreNotExceededOnAPacking) {
     const std::vector<double> start(energy->NumParameters(), 0.0);
     const Result run = Minimize(spec(), energy.get(), start, options);
     EXPECT_LE(run.summary.counters.evaluations, budget);
-    EXPECT_EQ(run.summary.reason, StopReason::MAX_EVALUATIONS);
     ExpectSound(*energy, start, run);
+    if (traits().small_loads_only &&
+        run.summary.reason == StopReason::NO_PROGRESS) {
+      break;
+    }
+    EXPECT_EQ(run.summary.reason, StopReason::MAX_EVALUATIONS);
   }
 }
 
@@ -777,8 +781,15 @@ TEST_P(Conformance, RandomStart) {
   const std::vector<double> start(energy->NumParameters(), 0.0);
   const Result run =
       Minimize(spec(), energy.get(), start, Tolerance(traits().tolerance));
-  EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
   ExpectSound(*energy, start, run);
+  if (traits().small_loads_only) {
+    // It must know, and leave the best that it has seen.
+    EXPECT_TRUE(run.summary.Succeeded() ||
+                run.summary.reason == StopReason::NO_PROGRESS);
+    EXPECT_LE(run.summary.counters.factorizations, 60);
+    return;
+  }
+  EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
 }
 
 TEST_P(Conformance, NoContactsAtTheStartHasVanished) {

@@ -33,6 +33,8 @@ struct MethodTraits {
   // Is at the minimum of a quadratic after a step or two, so that nothing can
   // happen to it on the way.
   bool solves_quadratics = false;
+  // From a random start it may end without a minimum, and say so.
+  bool small_loads_only = false;
 };
 
 inline const MethodTraits kMethodTraits[] = {
@@ -52,6 +54,8 @@ inline const MethodTraits kMethodTraits[] = {
     // Its momentum is for conditions of about 1 / (1 - beta)^2.
     {"heavy_ball", "", false, 1e3},
     {"newton", "", false, 1e6, 1e-9, true},
+    // Where contacts buckle by the hundred, its path leads nowhere.
+    {"interior_point", "", false, 1e6, 1e-9, true, true},
 };
 
 inline MethodTraits TraitsOf(const std::string& spec) {
