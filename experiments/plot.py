@@ -16,6 +16,8 @@
         of `compare`: the residual that a number of evaluations, a CPU time buys
     plot.py distances STEP_TABLES.csv OUT [--steps=all] [--level=relative:1e-10 ...]
         of `compare`: what shear steps cost against the distance to jamming
+    plot.py conditioning CONDITIONING.csv CONTACT_CHANGES.csv OUT
+        condition numbers and contact changes against the distance to jamming
 
 Each writes OUT.svg and OUT.png, both or neither. The same input gives the same
 bytes. Bad input or usage: one line on stderr, status 2.
@@ -1446,6 +1448,147 @@ def DistancesFigure(arguments):
   return figure
 
 
+def StrainTitle(shear):
+  """`1e-6`, `0.3x` in words."""
+  if shear.endswith("x"):
+    return r"$\gamma = %s\,\Delta\phi$" % shear[:-1]
+  mantissa, _, exponent = shear.partition("e")
+  if not exponent:
+    return r"$\gamma = %s$" % shear
+  return r"$\gamma = %s10^{%s}$" % ("" if mantissa == "1" else mantissa + r"\times",
+                                   exponent)
+
+
+def ConditioningFigure(arguments):
+  """Above: condition numbers of fresh P and of P from before each shear step, on one
+  scale; below: the parts of the contacts that change. Lines: medians over the
+  packings; bars: from the least to the largest."""
+  path = arguments.table
+  table = ReadTable(path, ("distance", "preconditioner", "shear", "found", "condition"),
+                    words=("preconditioner", "shear"))
+  changes = ReadTable(arguments.changes,
+                      ("distance", "shear", "relaxed", "contacts", "deformed_opened",
+                       "deformed_closed", "step_opened", "step_closed",
+                       "newton_opened", "newton_closed", "newton_first",
+                       "predicted_opened", "predicted_closed", "message"),
+                      words=("shear", "message"))
+  which, label = np.array(table["shear"]), np.array(table["preconditioner"])
+  good = (table["found"] > 0) & np.isfinite(table["condition"])
+  broken = (table["found"] > 0) & ~np.isfinite(table["condition"])
+  if not good.any():
+    raise InputError("%s: no condition number is finite" % path)
+  styles = MethodStyles(Unique(table["preconditioner"]))
+  shears = Unique(changes["shear"])
+  x_low, x_high = Span(table["distance"])
+  low, high = Span(table["condition"][good])
+  low = min(low, -0.3)
+  columns = 1 + len(shears)
+  width, height = 1.0 + 4.35 * columns, 9.6
+  figure = plt.figure(figsize=(width, height))
+  grid = figure.add_gridspec(2, columns, left=0.85 / width, right=1 - 0.15 / width,
+                             top=1 - 1.0 / height, bottom=0.75 / height, wspace=0.07,
+                             hspace=0.26, height_ratios=(1.35, 1.0))
+  upper = [figure.add_subplot(grid[0, 0])]
+  upper += [figure.add_subplot(grid[0, c], sharey=upper[0]) for c in range(1, columns)]
+  strip = 0.07 * (high - low) if broken.any() else 0.0
+  for ax, shear in zip(upper, ["-", *shears]):
+    for k, (name, (colour, dashes, marker)) in enumerate(styles.items()):
+      mine = (which == shear) & (label == name)
+      shift = 10**(0.035 * (k - (len(styles) - 1) / 2))
+      points = []
+      for distance in Unique(table["distance"][mine & good]):
+        values = table["condition"][mine & good & (table["distance"] == distance)]
+        points.append((distance, np.median(values), values.min(), values.max()))
+      if points:
+        x, y, least, most = np.array(points).T
+        ax.vlines(x * shift, least, most, color=colour, linewidth=1.0, alpha=0.45)
+        ax.plot(x * shift, y, color=colour, linestyle=dashes, marker=marker,
+                markersize=6, linewidth=1.7)
+      bad = Unique(table["distance"][mine & broken])
+      ax.plot(np.array(bad) * shift, [10**(high + 0.5 * strip)] * len(bad), color=colour,
+              linestyle="", marker=marker, markersize=6, markerfacecolor="white",
+              markeredgewidth=1.4, zorder=4)
+    if strip:
+      ax.axhspan(10**high, 10**(high + strip), color=FOG, linewidth=0, zorder=0)
+      if ax is upper[0]:
+        ax.text(0.98, 1 - 0.5 * strip / (high + strip - low),
+                "not positive definite", color=GREY, fontsize=9.5, ha="right",
+                va="center", transform=ax.transAxes)
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_xlim(10**x_low, 10**x_high)
+    ax.set_ylim(10**low, 10**(high + strip))
+    Decades(ax.xaxis, x_low, x_high)
+    Decades(ax.yaxis, low, high)
+    ax.axhline(1.0, color=GREY, linewidth=0.8, zorder=1)
+    ax.set_title("P is fresh" if shear == "-" else
+                 "P from before a step " + StrainTitle(shear), loc="left", pad=7)
+    if ax is not upper[0]:
+      ax.tick_params(labelleft=False)
+  upper[0].set_ylabel(r"condition number of $P^{-1}H$")
+
+  # Parts of the contacts, on a scale that has a zero.
+  contacts = changes["contacts"]
+  known = np.array([not message for message in changes["message"]])
+  relaxed = changes["relaxed"] > 0
+  parts = (
+      ("met on the way of Newton's first step", INK, "D", (0, (5, 1.5)),
+       changes["newton_opened"] + changes["newton_closed"], known),
+      ("the affine deformation makes", ORANGE, "^", "-",
+       changes["deformed_opened"] + changes["deformed_closed"], contacts > 0),
+      ("linear response of the state before predicts", "#56B4E9", "v",
+       (0, (6, 1.5, 1.2, 1.5)),
+       changes["predicted_opened"] + changes["predicted_closed"],
+       changes["predicted_opened"] >= 0),
+      ("the whole step, once relaxed", BLUE, "o", "-",
+       changes["step_opened"] + changes["step_closed"], relaxed))
+  floor = 0.3 / contacts.max()
+  lower = [figure.add_subplot(grid[1, c], sharex=upper[c]) for c in range(1, columns)]
+  for ax, shear in zip(lower, shears):
+    for k, (_, colour, marker, dashes, count, some) in enumerate(parts):
+      mine = some & (np.array(changes["shear"]) == shear)
+      shift = 10**(0.05 * (k - 1.5))
+      points = []
+      for distance in Unique(changes["distance"][mine]):
+        here = mine & (changes["distance"] == distance)
+        part = np.maximum(count[here] / contacts[here], floor)
+        points.append((distance, np.median(part), part.min(), part.max()))
+      if not points:
+        continue
+      x, y, least, most = np.array(points).T
+      ax.vlines(x * shift, least, most, color=colour, linewidth=1.0, alpha=0.45)
+      ax.plot(x * shift, y, color=colour, linestyle=dashes, marker=marker, markersize=6)
+    ends = math.log10(floor) - 0.2, math.log10(4.0)
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_xlim(10**x_low, 10**x_high)
+    ax.set_ylim(10**ends[0], 10**ends[1])
+    Decades(ax.xaxis, x_low, x_high)
+    Decades(ax.yaxis, math.log10(floor) + 0.4, 0.0, zero=floor)
+    ax.axhspan(10**ends[0], floor * 1.5, color=FOG, linewidth=0, zorder=0)
+    ax.set_title("contacts changed, " + StrainTitle(shear), loc="left", pad=7)
+    if ax is lower[0]:
+      ax.set_ylabel("changes / contacts")
+    else:
+      ax.tick_params(labelleft=False)
+  FinishPanels(np.array([upper + lower], dtype=object))
+  for ax in [upper[0], *lower]:
+    ax.set_xlabel(r"distance to jamming  $\Delta\phi = \phi - \phi_J$")
+  # The free place under the first panel says what is what.
+  handles = [Line2D([], [], color=colour, linestyle=dashes, marker=marker, markersize=6,
+                    linewidth=1.7, label=name)
+             for name, colour, marker, dashes, _, _ in parts]
+  place = grid[1, 0].get_position(figure)
+  figure.legend(handles=handles, loc="upper left", fontsize=11, handlelength=2.6,
+                title="contacts that open or close", alignment="left",
+                title_fontsize=12, labelspacing=0.75, borderaxespad=0.0,
+                bbox_to_anchor=(place.x0 - 0.045, place.y1 - 0.055))
+  MethodLegend(figure, styles, markers=True)
+  figure.text(place.x0 - 0.04, 0.2 / height, "lines: medians over packings;\n"
+              "bars: least to largest", color=GREY, fontsize=10.5, va="bottom")
+  return figure
+
+
 # ---------------------------------------------------------------- output
 
 
@@ -1532,6 +1675,11 @@ def Arguments(words):
     else:
       command.add_argument("--cases", default="")
     command.set_defaults(figure=figure)
+  command = commands.add_parser("conditioning")
+  command.add_argument("table")
+  command.add_argument("changes")
+  command.add_argument("out")
+  command.set_defaults(figure=ConditioningFigure)
   return parser.parse_args(words)
 
 

@@ -56,6 +56,12 @@ class Preconditioner {
   int num_fallbacks_ = 0;
 };
 
+// The preconditioner that `spec` = "name" or "name:key=value,key=value"
+// describes, by itself. Returns null and one line in `error` for an unknown
+// name, an unknown option or a value that does not fit.
+std::unique_ptr<Preconditioner> CreatePreconditioner(const std::string& spec,
+                                                     std::string* error);
+
 // The option `preconditioner=` of a method, together with the options of the
 // one that is chosen.
 class PreconditionerChoice {
