@@ -12,6 +12,7 @@
 #include "gtest/gtest.h"
 #include "solvers/registry.h"
 #include "solvers/unilateral.h"
+#include "tests/granular/forwarding.h"
 #include "tests/granular/test_packings.h"
 #include "tests/solvers/run_method.h"
 #include "tests/solvers/test_functions.h"
@@ -22,11 +23,10 @@ namespace {
 constexpr char kBest[] = "ceres_nlls:scaled=1,differences=1,restarts=10";
 
 // An energy that counts, and that may be told to misbehave.
-class Watched : public UnilateralFunction {
+class Watched : public Forwarding {
  public:
-  explicit Watched(ContactEnergy* f) : f_(f) {}
+  using Forwarding::Forwarding;
 
-  int NumParameters() const override { return f_->NumParameters(); }
   bool EvaluateWithScales(const double* x,
                           double* cost,
                           double* gradient,
@@ -36,36 +36,7 @@ class Watched : public UnilateralFunction {
     if (evaluations >= nan_from && gradient != nullptr) gradient[17] = kNan;
     return true;
   }
-  bool Recenter(const double* x) override { return f_->Recenter(x); }
-  bool Rebase(double* x) override { return f_->Rebase(x); }
-  bool EvaluateHessian(const double* x, SparseMatrix* h) const override {
-    return f_->EvaluateHessian(x, h);
-  }
-  std::int64_t PatternVersion() const override { return f_->PatternVersion(); }
   int BlockSize() const override { return block_size; }
-  bool HessianTimes(const double* x,
-                    const double* v,
-                    double* hv) const override {
-    return f_->HessianTimes(x, v, hv);
-  }
-  double Exponent() const override { return f_->Exponent(); }
-  void EvaluateLaw(int n,
-                   const double* closure,
-                   double* force,
-                   double* stiffness) const override {
-    f_->EvaluateLaw(n, closure, force, stiffness);
-  }
-  bool EvaluateStiffness(const double* x,
-                         double theta,
-                         SparseMatrix* h) const override {
-    return f_->EvaluateStiffness(x, theta, h);
-  }
-  bool EvaluateWeightedHessian(const double* x,
-                               const double* first,
-                               const double* second,
-                               SparseMatrix* h) const override {
-    return f_->EvaluateWeightedHessian(x, first, second, h);
-  }
   bool EvaluateGaps(const double* x, Gaps* gaps) const override {
     ++gap_evaluations;
     if (gap_evaluations >= refuse_gaps_from) return false;
@@ -101,9 +72,6 @@ class Watched : public UnilateralFunction {
   int refuse_gaps_from = 1 << 30;
   bool only_closed = false;
   int block_size = 2;
-
- private:
-  ContactEnergy* f_;
 };
 
 Packing Sheared(double alpha) {

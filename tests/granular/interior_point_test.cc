@@ -12,6 +12,7 @@
 #include "granular/packing.h"
 #include "gtest/gtest.h"
 #include "solvers/barrier.h"
+#include "tests/granular/forwarding.h"
 #include "tests/granular/test_packings.h"
 #include "tests/solvers/run_method.h"
 
@@ -146,36 +147,10 @@ TEST(InteriorPoint, KnowsEarlyThatItLeadsNowhere) {
 // --------------------------------------------------------------------
 
 // Forgets the list of gaps after each evaluation, by one far away.
-class Forgetful : public UnilateralFunction {
+class Forgetful : public Forwarding {
  public:
-  explicit Forgetful(ContactEnergy* f) : f_(f) {}
+  using Forwarding::Forwarding;
 
-  int NumParameters() const override { return f_->NumParameters(); }
-  bool EvaluateWithScales(const double* x,
-                          double* cost,
-                          double* gradient,
-                          Scales* scales) const override {
-    return f_->EvaluateWithScales(x, cost, gradient, scales);
-  }
-  bool Recenter(const double* x) override { return f_->Recenter(x); }
-  bool Rebase(double* x) override { return f_->Rebase(x); }
-  bool EvaluateHessian(const double* x, SparseMatrix* h) const override {
-    return f_->EvaluateHessian(x, h);
-  }
-  std::int64_t PatternVersion() const override { return f_->PatternVersion(); }
-  int BlockSize() const override { return f_->BlockSize(); }
-  bool HessianTimes(const double* x,
-                    const double* v,
-                    double* hv) const override {
-    return f_->HessianTimes(x, v, hv);
-  }
-  double Exponent() const override { return f_->Exponent(); }
-  void EvaluateLaw(int n,
-                   const double* closure,
-                   double* force,
-                   double* stiffness) const override {
-    f_->EvaluateLaw(n, closure, force, stiffness);
-  }
   bool EvaluateGaps(const double* x, Gaps* gaps) const override {
     std::vector<double> far(x, x + NumParameters());
     for (std::size_t i = 0; i < far.size(); ++i) {
@@ -185,20 +160,6 @@ class Forgetful : public UnilateralFunction {
     return f_->Evaluate(far.data(), &cost, nullptr) &&
            f_->EvaluateGaps(x, gaps);
   }
-  bool EvaluateStiffness(const double* x,
-                         double theta,
-                         SparseMatrix* h) const override {
-    return f_->EvaluateStiffness(x, theta, h);
-  }
-  bool EvaluateWeightedHessian(const double* x,
-                               const double* first,
-                               const double* second,
-                               SparseMatrix* h) const override {
-    return f_->EvaluateWeightedHessian(x, first, second, h);
-  }
-
- private:
-  ContactEnergy* f_;
 };
 
 TEST(InteriorPoint, ClosuresSurviveNewLists) {
