@@ -16,6 +16,8 @@ pressures="1e-3 1e-4 1e-5 1e-6 1e-7 1e-8"
 methods="lbfgs
 ncg
 fire
+newton
+interior_point
 ceres_lbfgs
 ceres_lbfgs:scaled=1
 ceres_lbfgs:scaled=1,differences=1
