@@ -32,7 +32,7 @@ class Barrier : public MatrixPreconditioner {
             "length", 0.1, 1e-6, 1e6, "of (B), in units of the mean closure")),
         shift_(parameters->Double(
             "shift",
-            1e-2,
+            1e-3,
             1e-12,
             1e6,
             "added to the diagonal, in units of the stiffness scale")),
