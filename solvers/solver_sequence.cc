@@ -73,6 +73,7 @@ Summary SolverSequence::Minimize(FirstOrderFunction* function,
     is_first = false;
     total = std::move(summary);
     const bool gave_up = total.reason == StopReason::NO_PROGRESS ||
+                         total.reason == StopReason::MAX_MEMORY ||
                          total.reason == StopReason::EVALUATION_FAILED;
     total.message = solver->name() + ": " + total.message;
     if (!gave_up) break;

@@ -123,7 +123,9 @@ class Run {
   // e and s of the central path at x. False if the run ends here.
   bool Start() {
     if (!UpdateGaps()) return false;
-    const double length = std::clamp(settings_.start * PredictedChange(),
+    const double change = PredictedChange();
+    if (monitor_->stopped()) return false;
+    const double length = std::clamp(settings_.start * change,
                                      kLeastLength * closure_scale_,
                                      closure_scale_);
     e_ = VectorXd::Zero(num_gaps());
@@ -155,7 +157,12 @@ class Run {
 
   bool Factorize(double shift) {
     ++monitor_->counters().factorizations;
-    return linear_->Factorize(matrix_, function_->PatternVersion(), shift);
+    const bool done =
+        linear_->Factorize(matrix_, function_->PatternVersion(), shift);
+    if (!linear_->refusal().empty()) {
+      monitor_->RunOutOfMemory(linear_->refusal());
+    }
+    return done;
   }
 
   void Solve(const VectorXd& right, VectorXd* solution) {

@@ -37,8 +37,7 @@ Result Relax(const std::string& spec,
   return Minimize(spec, energy.get(), Zero(*energy), Tolerance(tolerance));
 }
 
-// ---- the central path
-// ---------------------------------------------------------
+// ---- the central path ----
 
 TEST(Barrier, ClosuresSolveTheRelaxedComplementarity) {
   const double length = 0.3;
@@ -68,8 +67,7 @@ TEST(Barrier, ClosuresSolveTheRelaxedComplementarity) {
   }
 }
 
-// ---- small loads
-// --------------------------------------------------------------
+// ---- small loads ----
 
 // The same minimum as a descent, for a hundredth of its evaluations.
 TEST(InteriorPoint, FindsTheMinimumOfADescent) {
@@ -131,8 +129,7 @@ TEST(InteriorPoint, UnjammedStatesReachZero) {
   EXPECT_LE(run.summary.counters.factorizations, 40);
 }
 
-// ---- what it says where it fails
-// ----------------------------------------------
+// ---- what it says where it fails ----
 
 TEST(InteriorPoint, KnowsEarlyThatItLeadsNowhere) {
   const Result run =
@@ -143,8 +140,7 @@ TEST(InteriorPoint, KnowsEarlyThatItLeadsNowhere) {
   EXPECT_LE(run.summary.cost, run.summary.initial_cost);
 }
 
-// ---- lists
-// --------------------------------------------------------------------
+// ---- lists ----
 
 // Forgets the list of gaps after each evaluation, by one far away.
 class Forgetful : public Forwarding {
@@ -178,6 +174,20 @@ TEST(InteriorPoint, ClosuresSurviveNewLists) {
 }
 
 // ---- methods in turn
+TEST(InteriorPoint, NamesTheMemoryThatItMayNotTake) {
+  const Packing packing = Sheared("n1024_a2_p1e-04.xyz", 1e-6);
+  const Result run =
+      Relax("interior_point:factor_memory=1e-7", packing, 2.0, 1e-9);
+  EXPECT_EQ(run.summary.reason, StopReason::MAX_MEMORY);
+  EXPECT_TRUE(
+      Contains(run.summary.message, "GB > 1e-07 GB (option factor_memory)"))
+      << run.summary.message;
+  EXPECT_EQ(run.summary.counters.iterations, 0);
+  const Result next =
+      Relax("interior_point:factor_memory=1e-7|lbfgs", packing, 2.0, 1e-9);
+  EXPECT_TRUE(next.summary.Succeeded()) << next.summary.BriefReport();
+}
+
 // ----------------------------------------------------------
 
 TEST(SolverSequence, TheNextGoesOnWhereOneGaveUp) {
