@@ -11,6 +11,11 @@
 namespace granopt {
 namespace {
 
+// Costs that agree to 1e-10 are told apart by their gradients: the relative
+// roundoff of a sum of n positive terms is far below that, and no method gains
+// more than that by staying at the point of larger gradient.
+constexpr double kCostRoundoff = 1e-10;
+
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 // Entries of a gradient are off by this part of its scale at most where the
 // function is evaluated with care; what has converged shall have so for a judge
@@ -222,14 +227,13 @@ bool Monitor::EvaluateCached(const double* x,
   return true;
 }
 
-// Costs that agree to 1e-10 are told apart by their gradients: the relative
-// roundoff of a sum of n positive terms is far below that, and no method gains
-// more than that by staying at the point of larger gradient.
+bool Monitor::IsAbove(double cost) const {
+  return cost > least_cost_ + kCostRoundoff * std::abs(least_cost_);
+}
+
 bool Monitor::IsBetter(double cost, double max_gradient) {
-  constexpr double kCostRoundoff = 1e-10;
-  const double slack = kCostRoundoff * std::abs(least_cost_);
-  if (cost < least_cost_ - slack) return true;
-  return cost <= least_cost_ + slack && max_gradient < best_max_gradient_;
+  if (cost < least_cost_ - kCostRoundoff * std::abs(least_cost_)) return true;
+  return !IsAbove(cost) && max_gradient < best_max_gradient_;
 }
 
 bool Monitor::Accept(const double* x,

@@ -116,6 +116,10 @@ class Monitor {
 
   bool stopped() const { return stopped_; }
   const Scales& scales() const { return last_scales_; }
+  // The least cost accepted, and whether another is above it by more than its
+  // roundoff.
+  double least_cost() const { return least_cost_; }
+  bool IsAbove(double cost) const;
   // max|g| at the last accepted iterate and the bound that it must reach.
   double max_gradient() const { return last_max_gradient_; }
   double Tolerance(const Scales& scales) const;

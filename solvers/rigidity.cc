@@ -1,6 +1,6 @@
 #include "solvers/rigidity.h"
 
-#include <cmath>
+#include <cstddef>
 
 namespace granopt {
 
@@ -53,29 +53,16 @@ bool RigidHessian::Evaluate(const UnilateralFunction& function,
   const int block = function.BlockSize();
   const std::vector<bool> is_held =
       HeldObjects(gaps, function.NumParameters() / block, block + 1);
-  const double alpha = function.Exponent();
-  const auto m = static_cast<Eigen::Index>(gaps.ids.size());
-  first.setZero(m);
-  second.setZero(m);
-  for (Eigen::Index c = 0; c < m; ++c) {
-    const double delta = gaps.delta[c];
-    if (!(delta > 0.0)) continue;
-    const double k = gaps.stiffness[c];
-    // Powers by products and roots where there are such: exact in other units.
-    double force;
-    if (alpha == 2.0) {
-      first[c] = k;
-      force = k * delta;
-    } else if (alpha == 2.5) {
-      const double root = std::sqrt(delta);
-      first[c] = k * (root * 1.5);
-      force = k * (delta * root);
-    } else {
-      const double power = std::pow(delta, alpha - 2.0);
-      first[c] = k * ((alpha - 1.0) * power);
-      force = k * (delta * power);
-    }
-    if (is_held[gaps.ids[c].i] && is_held[gaps.ids[c].j]) second[c] = force;
+  const auto m = static_cast<int>(gaps.ids.size());
+  const Eigen::VectorXd closure = gaps.delta.cwiseMax(0.0);
+  first.resize(m);
+  second.resize(m);
+  function.EvaluateLaw(m, closure.data(), second.data(), first.data());
+  for (int c = 0; c < m; ++c) {
+    const double k = gaps.delta[c] > 0.0 ? gaps.stiffness[c] : 0.0;
+    const bool both = is_held[gaps.ids[c].i] && is_held[gaps.ids[c].j];
+    first[c] *= k;
+    second[c] *= both ? k : 0.0;
   }
   return function.EvaluateWeightedHessian(
       x, first.data(), second.data(), hessian);

@@ -1,7 +1,7 @@
 // A primal-dual interior point for sums of one-sided power laws,
 //   E(x) = min over e of sum_c k_c e_c^alpha / alpha,
 //          e_c - s_c = delta_c(x),  e_c >= 0,  s_c >= 0,
-// whose contacts may open and close in any number within one iteration. With
+// whose gaps may open and close in any number within one iteration. With
 // phi(e) = e^(alpha-1), B = d delta / dx and f_c = k_c phi(e_c), Newton's
 // method for
 //   B^T f = 0,   e - s = delta(x),   phi(e_c) s_c = mu
@@ -13,7 +13,7 @@
 // rho = phi / (phi + s phi'), W = k phi' rho: Nocedal, Wright, Numerical
 // Optimization, 2nd ed., (19.12) and (16.58) for this function. mu goes down by
 // the predictor and corrector of Mehrotra, SIAM J. Optim. 2 (1992) 575, and
-// once contacts are told from gaps exact Newton steps finish.
+// once closed gaps are told from open ones exact Newton steps finish.
 //
 // The start is warm: e and s are those of the central path at x for a length
 // that is taken from a Gauss-Newton step, so that a small load begins with a
@@ -51,8 +51,10 @@ constexpr double kFraction = 0.995;
 // Gaps take part that are open by less than this part of Gaps::margin: less
 // than one, so that few of those that come near later are new to the pattern.
 constexpr double kReach = 0.5;
-// The start's length in units of the mean closure.
+// The start's length in units of the mean closure, and the shift of the step
+// that it is taken from, in units of the mean stiffness.
 constexpr double kLeastLength = 1e-4;
+constexpr double kPredictorShift = 1e-6;
 // Centring and corrector that are tried beside Mehrotra's own.
 constexpr double kSigmas[] = {0.03, 0.1, 0.3, 0.7};
 constexpr double kOmegas[] = {1.0, 0.3, 0.0};
@@ -104,7 +106,6 @@ class Run {
     if (!monitor_->Begin(solver, x_.data(), &cost_, g_.data(), &scales_)) {
       return;
     }
-    least_cost_ = cost_;
     if (!(scales_.length > 0.0 && scales_.gradient > 0.0)) {
       monitor_->GiveUp("the function states no scales to start with");
       return;
@@ -142,7 +143,7 @@ class Run {
       return closure_scale_;
     }
     ++monitor_->counters().hessians;
-    if (!Factorize(1e-6 * stiffness_scale_)) return closure_scale_;
+    if (!Factorize(kPredictorShift * stiffness_scale_)) return closure_scale_;
     Solve(-g_, &dx_);
     const VectorXd change = gaps_.jacobian * dx_;
     double sum = 0.0;
@@ -467,22 +468,18 @@ class Run {
               const VectorXd& g,
               double cost,
               const Scales& scales) {
-    // As the monitor tells better points from others.
-    constexpr double kCostRoundoff = 1e-10;
-    if (cost > least_cost_ + kCostRoundoff * std::abs(least_cost_) &&
-        MaxNorm(g) <= monitor_->Tolerance(scales)) {
+    if (monitor_->IsAbove(cost) && MaxNorm(g) <= monitor_->Tolerance(scales)) {
       monitor_->GiveUp(
           Format("the minimum found, of cost %.10e, is above the least seen, "
                  "%.10e",
                  cost,
-                 least_cost_));
+                 monitor_->least_cost()));
       return false;
     }
     x_ = x;
     g_ = g;
     cost_ = cost;
     scales_ = scales;
-    least_cost_ = std::min(least_cost_, cost);
     if (monitor_->Accept(x_.data(), cost_, g_.data(), scales_)) return false;
     monitor_->Recenter(x_.data());
     if (monitor_->WantsRebase() && monitor_->Rebase(x_.data()) &&
@@ -532,7 +529,7 @@ class Run {
   const double alpha_;
 
   VectorXd x_, g_;
-  double cost_ = 0.0, least_cost_ = 0.0;
+  double cost_ = 0.0;
   Scales scales_;
   // Of the start: units of what follows.
   double stiffness_scale_ = 0.0, closure_scale_ = 0.0;

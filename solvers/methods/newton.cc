@@ -16,8 +16,8 @@
 //   a >= 1:            radius = max(radius, 4 a |s|) if the decrease was more
 //                      than half of that of m, a |s| / 2 if less than a
 //                      quarter.
-// Functions that are smooth between kinks want the 30: on 21 problems near
-// jamming 2 a |s| takes twice as many factors, 10 or 100 a |s| 1.3 times as
+// Functions that are smooth between kinks want the 30: on 21 problems
+// 2 a |s| takes twice as many factors, 10 or 100 a |s| 1.3 times as
 // many. How exact the line search is then matters little (753 to 1008 factors
 // for its curvature from 0.1 to 0.9). The textbook's smaller radius and new
 // subproblem (step=shrink, for comparison) take 3.6 times as many.
@@ -272,7 +272,7 @@ SubproblemStep NewtonRun::SolveTruncated() {
   TruncatedSubproblem truncated;
   truncated.times = [this](const VectorXd& v, VectorXd* hv) {
     const Monitor::LinearTimer timer(&monitor_);
-    // HessianTimes() of a packing takes twice as long.
+    // HessianTimes() took twice as long where that was measured.
     *hv = hessian_.selfadjointView<Eigen::Lower>() * v;
     *hv += (method_.floor_ * unit_) * v;
   };

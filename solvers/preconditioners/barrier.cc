@@ -21,9 +21,9 @@ namespace {
 //   W = k phi' phi / (phi + s phi'),   phi(e) = e^(alpha-1),
 //   e - s = delta,  phi(e) s = length^alpha.
 // Gaps that are open by less than the length have part of the stiffness of a
-// closed one, so that P foresees them: for length -> 0 it is the contact
-// network. The second derivatives of the gaps are left out, so that P is
-// positive semidefinite as it is.
+// closed one, so that P foresees them: for length -> 0 only the
+// closed ones are left. The second derivatives of the gaps are left out, so
+// that P is positive semidefinite as it is.
 class Barrier : public MatrixPreconditioner {
  public:
   explicit Barrier(Parameters* parameters)
@@ -103,7 +103,7 @@ class Barrier : public MatrixPreconditioner {
 REGISTER_PRECONDITIONER(
     barrier,
     Barrier,
-    "matrix of an interior point: contacts and near gaps, without pre-stress",
+    "matrix of an interior point: closed and near gaps, no second derivatives",
     "Nocedal, Wright, Numerical Optimization, 2nd ed. (2006), 19.3");
 
 }  // namespace granopt
