@@ -132,6 +132,12 @@ std::vector<int> Postorder(const std::vector<int>& parent) {
 
 bool MultifrontalCholesky::Analyze(const SparseMatrix& lower) {
   size_ = static_cast<int>(lower.cols());
+  for (int j = 0; j < size_; ++j) {
+    const int k = lower.outerIndexPtr()[j];
+    if (k == lower.outerIndexPtr()[j + 1] || lower.innerIndexPtr()[k] != j) {
+      return false;
+    }
+  }
   block_ = BlockSize(lower);
   blocks_ = size_ / block_;
   Graph graph;

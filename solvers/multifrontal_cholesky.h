@@ -23,8 +23,8 @@ namespace granopt {
 class MultifrontalCholesky {
  public:
   // Orders by approximate minimum degree (of blocks, if the pattern consists of
-  // such) and finds the supernodes. `lower`: the lower triangle with its whole
-  // diagonal, rows in increasing order. False if there is no memory for it.
+  // such) and finds the supernodes. `lower`: the lower triangle, rows in
+  // increasing order. False if an entry of the diagonal is missing.
   bool Analyze(const SparseMatrix& lower);
 
   // Of the matrix with these values (in the order of the analyzed one's) plus
