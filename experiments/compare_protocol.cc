@@ -417,12 +417,20 @@ void ShearOnce(const ProtocolPlan& plan,
   };
   QuasistaticShearResult result;
   std::string error;
+  run->branch = "-";
   run->finished =
       ShearQuasistatically(start, options, solver, observer, &result, &error);
-  run->branch = "-";
   if (!run->finished) {
     run->message = error;
     return;
+  }
+  // A curve with states that are not minima is not the one asked for.
+  if (result.gave_up > 0) {
+    run->finished = false;
+    run->message = Format("%d of %d relaxations gave up, the last step: ",
+                          result.gave_up,
+                          result.relaxations) +
+                   result.last.summary.message;
   }
   const Observables& o = result.last.observables;
   run->strain = result.strain;

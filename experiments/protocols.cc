@@ -465,7 +465,7 @@ std::vector<ShearRow> TabulateShear(const ProtocolSetup& setup,
           row.first_difference = mine[first]->step;
           row.strain = mine[first]->strain;
         }
-        double scale = 0.0, sum = 0.0, done = 0.0;
+        double scale = 0.0, sum = 0.0;
         for (std::size_t k = 0; k < common; ++k) {
           scale = std::max(scale, other[k]->deviatoric);
         }
@@ -476,11 +476,11 @@ std::vector<ShearRow> TabulateShear(const ProtocolSetup& setup,
                   : 0.0;
           row.largest = std::max(row.largest, difference);
           sum += difference * difference;
-          done += mine[k]->work_done;
           row.dissipated += mine[k]->dissipated;
         }
         row.rms = std::sqrt(sum / static_cast<double>(common));
-        row.dissipated = done != 0.0 ? row.dissipated / done : 0.0;
+        const double start = mine[0]->energy;
+        row.dissipated = start > 0.0 ? row.dissipated / start : 0.0;
         rows.push_back(row);
       }
     }
@@ -518,11 +518,11 @@ ComparisonProfiles MakeProtocolProfiles(const ProtocolSetup& setup,
         for (int r = 1; r <= setup.repetitions; ++r) {
           const ProtocolRun* run = index.Run(tolerance, seed, method.label, r);
           if (run == nullptr) continue;
-          // A shear of which a relaxation failed is not the curve asked for.
-          const bool solved = run->finished && !(shear && run->gave_up > 0);
-          of_runs.push_back(solved ? static_cast<double>(run->work.evaluations)
-                                   : kInfinity);
-          times_of_runs.push_back(solved ? run->work.cpu_seconds : kInfinity);
+          of_runs.push_back(run->finished
+                                ? static_cast<double>(run->work.evaluations)
+                                : kInfinity);
+          times_of_runs.push_back(run->finished ? run->work.cpu_seconds
+                                                : kInfinity);
         }
         const ProtocolRun* first = index.Run(tolerance, seed, method.label);
         if (first == nullptr) break;
@@ -591,10 +591,10 @@ ComparisonProfiles MakeProtocolProfiles(const ProtocolSetup& setup,
         MakeProfile(what, "cpu_seconds", setup.methods, times));
   };
   add("whole protocols", evaluations, seconds);
-  add("steps from one state", step_evaluations, step_seconds);
+  add("steps that all begin from one state", step_evaluations, step_seconds);
   if (static_cast<int>(values.size()) < kLeastProblems) return result;
   if (shear) values = EnergyDifferences(values, static_cast<int>(base));
-  quality.problems = shear ? "steps" : "whole protocols";
+  quality.problems = shear ? "strains" : "whole protocols";
   quality.measure = shear ? "path" : "excess";
   quality.agreement = shear ? "energies all the way" : "phi_cr";
   quality.count = static_cast<int>(values.size());
@@ -902,7 +902,7 @@ std::string ShearText(const ProtocolSetup& setup,
              : Format("step %d, %.4g", row.first_difference, row.strain),
          reference ? "-" : Brief(row.largest),
          reference ? "-" : Brief(row.rms),
-         Format("%.1f %%", 100.0 * row.dissipated)});
+         Format("%.3g", row.dissipated)});
     last = {row.tolerance, row.method.label};
   }
   return Heading("the curves beside that of " + setup.reference, markdown) +
@@ -913,7 +913,8 @@ std::string ShearText(const ProtocolSetup& setup,
                      "rearrangement;",
                      Neat(Minima::kEnergyBound).c_str()),
               "stress apart, rms: of the deviatoric stress, in the largest of "
-              "the reference; dissipated: of the work of the stress"},
+              "the reference; dissipated: in rearrangements, in the energy of "
+              "the start"},
              markdown);
 }
 

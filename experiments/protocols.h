@@ -84,9 +84,10 @@ constexpr char kUnknown[] = "unknown";    // not found out
 // One method and one protocol.
 struct ProtocolRun {
   ProtocolKey key;
-  int position = 0;       // in the block, from 1
-  bool finished = false;  // the protocol came to its end
-  std::string message;    // why not
+  int position = 0;  // in the block, from 1
+  // The protocol came to its end; in a shear every relaxation did.
+  bool finished = false;
+  std::string message;  // why not
   int relaxations = 0;
   int undecided = 0;  // jamming: relaxations repeated from where they ended
   int gave_up = 0;    // relaxations whose method did, undecided ones among them
@@ -202,7 +203,7 @@ struct ShearRow {
   // Of the deviatoric stress, in the largest of the reference: largest and root
   // of the mean square.
   double largest = 0.0, rms = 0.0;
-  // Energy dissipated on the way, of the stress's work.
+  // Energy dissipated in rearrangements, in that of the start.
   double dissipated = 0.0;
 };
 std::vector<ShearRow> TabulateShear(const ProtocolSetup& setup,
