@@ -1617,7 +1617,10 @@ def Help(figure, *sentences):
   extra = 0.165 * len(lines) + 0.1
   Extend(figure, below=extra)
   total = figure.get_figheight()
-  figure.text(0.14 / width, 0.1 / total, "\n".join(lines), ha="left", va="bottom",
+  text = "\n".join(lines)
+  for word, symbol in (("\u03c6_cr", r"$\phi_{\mathrm{cr}}$"), ("\u03c6_J", r"$\phi_J$")):
+    text = text.replace(word, symbol)
+  figure.text(0.14 / width, 0.1 / total, text, ha="left", va="bottom",
               fontsize=9.5, linespacing=1.25, color=GREY)
   return extra
 
@@ -1655,12 +1658,11 @@ QUALITY_HELP = {
 }
 
 JAMMING_HELP = (
-    "Each mark is one run of the published Algorithm 1, a row of marks in one tolerance: "
-    "left, how far the state that it returns is above the jamming point of its own branch, "
-    "which should be less than \u03b5 (dashed), then what growth and bisection took.",
-    "Open marks are runs whose bisection halved an interval with more than one transition "
-    "(the branch is jammed below a state that it called unjammed), triangles at the edge "
-    "lower bounds of branches that end at a finite pressure.")
+    "Each mark is one run of the published Algorithm 1 from one seed: left, how far the "
+    "state that it returns is above the jamming point of its own branch, which should be "
+    "less than \u03b5 (dashed); then what growth and bisection took.",
+    "Open marks are runs whose bisection halved an interval with more than one transition: "
+    "the branch that it returns is jammed below a state that it called unjammed.")
 
 SHEAR_HELP = (
     "Above, the deviatoric stress under pure shear, each method relaxing its own state after "
@@ -1777,7 +1779,7 @@ QUALITY_LABELS = {
     "path": r"$|E - E_{\mathrm{ref}}|\,/\,E$",
     "excess": r"$(\phi_{\mathrm{cr}} - \phi_J)\,/\,\epsilon$",
 }
-ROUNDING = 1e-14  # relative differences below are rounding
+ROUNDING = 1e-12  # relative differences below are rounding
 
 
 def QualityFigure(arguments):
@@ -1959,7 +1961,7 @@ def JammingFigure(arguments):
                           label="non-monotone bisection"))
   if ((branch == "lost") & known & first).any():
     handles.append(Line2D([], [], linestyle="", color=GREY, markersize=7, marker=">",
-                          label="at least"))
+                          label="at least: the branch ends"))
   figure.legend(handles=handles, loc="upper center", ncol=len(handles), fontsize=12,
                 bbox_to_anchor=(0.535, 1.0), handletextpad=0.2, columnspacing=1.6)
   Help(figure, *JAMMING_HELP)
