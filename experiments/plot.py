@@ -1613,7 +1613,7 @@ def Help(figure, *sentences):
   """How to read the figure, below everything, in small type; the axes stay as large
   as they are. The height in inches that it takes."""
   width = figure.get_figwidth()
-  lines = textwrap.wrap(" ".join(sentences), int(14.2 * width))
+  lines = textwrap.wrap(" ".join(sentences), int(13.6 * width - 3))
   extra = 0.165 * len(lines) + 0.1
   Extend(figure, below=extra)
   total = figure.get_figheight()
@@ -1688,8 +1688,8 @@ DISTANCES_HELP = (
     "Each mark is the work of a shear step at one distance from jamming; a method whose marks "
     "stay level does not feel it, one that rises to the left slows down with the exponent "
     "given beside the panel.",
-    "Compare methods only where no step failed: medians without the failed steps would flatter "
-    "the method that gives up.")
+    "A step that failed, of which the strip on top has the number, is infinitely expensive in "
+    "the medians, so a method is cheap only where it has none there.")
 
 
 def RatioTicks(axis, most):
@@ -1697,9 +1697,11 @@ def RatioTicks(axis, most):
   if most > 300:
     Decades(axis, 0.0, math.log10(most))
     return
-  ticks = [m * 10**e for e in range(3) for m in (1, 2, 5) if m * 10**e <= most]
+  ticks = ([1, 1.2, 1.5, 2, 3, 4] if most <= 5 else
+           [m * 10**e for e in range(3) for m in (1, 2, 5)])
+  ticks = [tick for tick in ticks if tick <= most]
   axis.set_major_locator(ticker.FixedLocator(ticks))
-  axis.set_major_formatter(ticker.FixedFormatter(["%d" % tick for tick in ticks]))
+  axis.set_major_formatter(ticker.FixedFormatter(["%g" % tick for tick in ticks]))
   axis.set_minor_locator(ticker.NullLocator())
 
 
@@ -1759,6 +1761,7 @@ def ProfileFigure(arguments):
       ax.set_xscale("log")
       ax.set_xlim(1, most)
       RatioTicks(ax.xaxis, most)
+      ax.tick_params(axis="x", pad=6)
       for method, (values, fractions) in curves.items():
         Steps(ax, values, fractions, 1.0, most, styles[method])
       ax.set_xlabel(r"$\tau$: %s, relative to the cheapest method" % label)
