@@ -294,6 +294,7 @@ void FollowBranch(const ProtocolPlan& plan,
   JammingOptions options;
   options.energy = plan.scene.energy;
   options.solve = MakeProtocolOptions(kBranchTolerance);
+  options.phi_init = 0.0;  // as it is: jammed, so it is followed at once
   options.accuracy = plan.setup.epsilon;
   options.error_bar = kBranchError * plan.setup.epsilon;
   run->branch = kUnknown;
@@ -310,13 +311,14 @@ void FollowBranch(const ProtocolPlan& plan,
     } else if (step.stage == JammingStage::START &&
                step.verdict == JammingVerdict::UNJAMMED) {
       unjammed = true;
+      return false;
     }
     return true;
   };
   JammingResult result;
   std::string error;
-  const bool found = DecompressToJamming(
-      jammed, options, *plan.prepare, observer, &result, &error);
+  const bool found =
+      FindJamming(jammed, options, *plan.prepare, observer, &result, &error);
   if (lost) {
     run->branch = kLost;
     run->phi_j = least;

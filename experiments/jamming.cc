@@ -1,7 +1,8 @@
-// jamming: the jamming point of a packing by Algorithm 1 of Wang & Zhang
-// (sec. 2.4): growth of the radii at fixed positions from phi_init by dphi
-// until the packing is jammed, bisection to epsilon, and a decompression along
-// the jammed branch that brings the error bar below --error_bar.
+// jamming: the jamming point of a packing, sharply: growth from phi_init by
+// dphi until the packing is over-compressed, and a decompression along the
+// jammed branch that brings the error bar below --error_bar and goes on until
+// no contact opens. --paper: Algorithm 1 of Wang & Zhang (sec. 2.4) as
+// published, growth and bisection to epsilon.
 
 #include "granular/jamming.h"
 
@@ -12,105 +13,238 @@
 #include <string>
 
 #include "experiments/certificate.h"
+#include "experiments/checkpoint.h"
 #include "experiments/run.h"
 #include "experiments/scene.h"
+#include "granular/packing_io.h"
 #include "granular/quad_residual.h"
 
 DEFINE_double(
     phi_init,
     0.0,
-    "packing fraction of the start; default 0.80 (discs), 0.58 (spheres)");
+    "packing fraction of the start; default 0.80 (discs), 0.58 (spheres), that "
+    "of the --input; a start that is jammed is followed down at once");
 DEFINE_double(dphi, 1e-3, "increment delta phi of the growth");
+DEFINE_double(
+    overcompression,
+    1e-3,
+    "growth goes on until the packing is at least this far above its jamming "
+    "point; 0: bisect as Algorithm 1 does");
 DEFINE_double(epsilon, 1e-6, "accuracy of the bisection: width of the bracket");
 DEFINE_double(
     error_bar,
     1e-8,
     "then follow the jammed branch down until the error bar of phi_J is at "
     "most this; 0: stop where the published algorithm stops");
+DEFINE_bool(until_isostatic,
+            true,
+            "and on, decade by decade, until no contact opens");
+DEFINE_string(route,
+              "radii",
+              "how packing fractions are reached: growth of the radii in a "
+              "fixed cell, or compression of the cell around fixed radii");
+DEFINE_bool(paper,
+            false,
+            "Algorithm 1 as published: --overcompression=0 --error_bar=0");
+DEFINE_bool(resume,
+            false,
+            "go on with an interrupted run in --out from its last checkpoint");
 
 namespace granopt {
 namespace {
 
-int Main() {
+constexpr char kCheckpoint[] = "checkpoint.cbor";
+
+// Checks the flags; the packing is not read yet.
+void CheckFlags() {
   if (!IsGiven("tolerance")) FLAGS_tolerance = 1e-8;
+  if (FLAGS_paper) {
+    for (const char* flag : {"overcompression", "error_bar"}) {
+      if (IsGiven(flag)) {
+        BadInput(
+            Format("--%s cannot go with --paper, which bisects and stops "
+                   "there",
+                   flag));
+      }
+    }
+    FLAGS_overcompression = FLAGS_error_bar = 0.0;
+  }
   if (FLAGS_smoke) {
     if (!IsGiven("particles") && FLAGS_input.empty()) FLAGS_particles = 64;
     if (!IsGiven("dphi")) FLAGS_dphi = 5e-3;
     if (!IsGiven("epsilon")) FLAGS_epsilon = 1e-4;
-    if (!IsGiven("error_bar")) FLAGS_error_bar = 1e-6;
+    if (!IsGiven("error_bar") && !FLAGS_paper) FLAGS_error_bar = 1e-6;
   }
   CheckCertificateFlags();
+  if (IsGiven("phi_init")) CheckPositive("phi_init", FLAGS_phi_init);
   CheckRange("phi_init", FLAGS_phi_init, 0.0, 4.0);
   CheckPositive("dphi", FLAGS_dphi);
   CheckPositive("epsilon", FLAGS_epsilon);
   CheckRange("dphi", FLAGS_dphi, 0.0, 1.0);
+  CheckRange("overcompression", FLAGS_overcompression, 0.0, 1.0);
   CheckRange("epsilon", FLAGS_epsilon, 0.0, 1.0);
   CheckRange("error_bar", FLAGS_error_bar, 0.0, 1.0);
-  const double finest = FLAGS_error_bar > 0.0
-                            ? std::min(FLAGS_epsilon, FLAGS_error_bar)
-                            : FLAGS_epsilon;
+  if (FLAGS_route != "radii" && FLAGS_route != "cell") {
+    BadInput("--route=" + FLAGS_route + " must be radii or cell");
+  }
   // A state that close to jamming cannot be told from one at it.
   if (!IsGiven("zero_pressure")) FLAGS_zero_pressure = 1e-3 * FLAGS_epsilon;
-  Scene scene = MakeSceneWithSolver(FLAGS_phi_init > 0.0   ? FLAGS_phi_init
-                                    : FLAGS_dimension == 3 ? 0.58
-                                                           : 0.80);
-  const int d = scene.packing.dimension();
+}
+
+JammingOptions MakeJammingOptions(const Scene& scene, double phi_init) {
   JammingOptions options;
   options.energy = scene.energy;
   options.solve = MakeSolveOptions();
-  options.phi_init =
-      FLAGS_phi_init > 0.0 ? FLAGS_phi_init : (d == 3 ? 0.58 : 0.80);
+  options.route =
+      FLAGS_route == "cell" ? JammingRoute::CELL : JammingRoute::RADII;
+  options.phi_init = phi_init;
   options.phi_increment = FLAGS_dphi;
+  options.overcompression = FLAGS_overcompression;
   options.accuracy = FLAGS_epsilon;
-  if (FLAGS_error_bar > 0.0)
-    options.error_bar = FLAGS_error_bar;
-  else
-    options.error_bar = std::numeric_limits<double>::infinity();
+  options.error_bar = FLAGS_error_bar > 0.0
+                          ? FLAGS_error_bar
+                          : std::numeric_limits<double>::infinity();
+  options.until_isostatic = FLAGS_until_isostatic && FLAGS_error_bar > 0.0;
+  return options;
+}
+
+// What must be the same for a run to go on from a checkpoint.
+Json Setup(const Scene& scene, const JammingOptions& options) {
+  return {{"packing", Crc32(FormatPacking(scene.packing))},
+          {"alpha", scene.energy.alpha},
+          {"solver", scene.solver->name()},
+          {"tolerance", options.solve.relative_tolerance},
+          {"zero_pressure", options.solve.vanishing_tolerance},
+          {"route", JammingRouteName(options.route)},
+          {"phi_init", options.phi_init},
+          {"dphi", options.phi_increment},
+          {"overcompression", options.overcompression},
+          {"epsilon", options.accuracy},
+          {"error_bar", FLAGS_error_bar},
+          {"until_isostatic", options.until_isostatic}};
+}
+
+// The state to go on from, and the rows of path.csv until then.
+void ReadCheckpoint(const Checkpoint& checkpoint,
+                    JammingState* state,
+                    std::string* path_csv) {
+  Json json;
+  std::vector<std::string> faults;
+  std::string error;
+  const Checkpoint::Found found = checkpoint.Read(&json, &faults, &error);
+  if (found == Checkpoint::Found::OTHER_SETUP) {
+    BadInput("--resume: " + error + "; give the same flags, or another --out");
+  }
+  if (found == Checkpoint::Found::NONE) {
+    if (!faults.empty()) {
+      std::string all;
+      for (const std::string& fault : faults) all += fault + "; ";
+      BadInput("--resume: " + all + "nothing to go on from");
+    }
+    std::printf("          no checkpoint in %s yet: from the beginning\n",
+                FLAGS_out.c_str());
+    return;
+  }
+  for (const std::string& fault : faults) {
+    std::printf("          %s: the one before is used\n", fault.c_str());
+  }
+  try {
+    *state = JammingStateOf(json.at("search"));
+    json.at("path").get_to(*path_csv);
+  } catch (const Json::exception& exception) {
+    BadInput("--resume: " + checkpoint.path() +
+             ": not a checkpoint of this version: " + exception.what());
+  }
+  std::printf("          resumed after relaxation %d\n", state->relaxations);
+}
+
+int Main() {
+  CheckFlags();
+  const double phi_random = FLAGS_dimension == 3 ? 0.58 : 0.80;
+  Scene scene =
+      MakeSceneWithSolver(FLAGS_phi_init > 0.0 ? FLAGS_phi_init : phi_random);
+  const int d = scene.packing.dimension();
+  const double phi_init = FLAGS_phi_init > 0.0  ? FLAGS_phi_init
+                          : FLAGS_input.empty() ? phi_random
+                                                : 0.0;
+  JammingOptions options = MakeJammingOptions(scene, phi_init);
+  const double finest = FLAGS_error_bar > 0.0
+                            ? std::min(FLAGS_epsilon, FLAGS_error_bar)
+                            : FLAGS_epsilon;
 
   Output output;
-  output.Create(FLAGS_out,
-                WithCertificateFiles({"summary.json",
-                                      "packing.xyz",
-                                      "contacts.csv",
-                                      "path.csv",
-                                      "stage_initial.xyz",
-                                      "stage_unjammed.xyz",
-                                      "packing.svg",
-                                      "packing.png",
-                                      "stages.svg",
-                                      "stages.png",
-                                      "path.svg",
-                                      "path.png"}));
+  std::vector<std::string> names = WithCertificateFiles({"summary.json",
+                                                         "packing.xyz",
+                                                         "contacts.csv",
+                                                         "path.csv",
+                                                         "stage_initial.xyz",
+                                                         "stage_unjammed.xyz",
+                                                         "packing.svg",
+                                                         "packing.png",
+                                                         "stages.svg",
+                                                         "stages.png",
+                                                         "path.svg",
+                                                         "path.png"});
+  std::string csv =
+      "stage,phi,energy,pressure,coordination,rigid_grains,rigid_contacts,"
+      "verdict,iterations,evaluations,seconds\n";
+  const std::string start_text =
+      phi_init > 0.0
+          ? Format("phi = %.4f", phi_init)
+          : Format("phi = %.6f as it is", scene.packing.PackingFraction());
   std::printf("jamming   %s (%s), alpha = %g\n",
               Describe(scene.packing).c_str(),
               scene.origin.c_str(),
               scene.energy.alpha);
-  std::printf(
-      "          Algorithm 1: grow from phi = %.4f by %g, bisect to %g%s\n",
-      options.phi_init,
-      options.phi_increment,
-      options.accuracy,
-      FLAGS_error_bar > 0.0
-          ? Format(", decompress to an error bar of %g", FLAGS_error_bar)
-                .c_str()
-          : "");
+  std::printf("          %s: from %s grow %s by %g",
+              FLAGS_overcompression > 0.0 ? "sharp" : "Algorithm 1",
+              start_text.c_str(),
+              options.route == JammingRoute::CELL ? "(by shrinking the cell)"
+                                                  : "the radii",
+              options.phi_increment);
+  if (FLAGS_overcompression > 0.0) {
+    std::printf(" to %g above jamming", FLAGS_overcompression);
+  } else {
+    std::printf(", bisect to %g", options.accuracy);
+  }
+  if (FLAGS_error_bar > 0.0) {
+    std::printf(",\n          decompress to an error bar of %g%s",
+                FLAGS_error_bar,
+                options.until_isostatic ? " and until no contact opens" : "");
+  }
+  std::printf("\n");
+  if (FLAGS_paper) {
+    std::printf(
+        "          the paper states neither phi_init nor dphi, epsilon or the "
+        "tolerance: assumed here\n");
+  }
   std::printf(
       "          each state relaxed to |g| <= %g mean forces; unjammed below "
       "--zero_pressure=%g\n",
       options.solve.relative_tolerance,
       FLAGS_zero_pressure);
   std::printf("          method %s\n", scene.solver->name().c_str());
-  std::fflush(stdout);
 
-  std::string csv =
-      "stage,phi,energy,pressure,coordination,rigid_grains,rigid_contacts,"
-      "verdict,iterations,evaluations,seconds\n";
-  JammingResult result;
+  JammingState state;
   std::string error;
+  if (!BeginJamming(scene.packing, options, &state, &error)) BadInput(error);
+  std::string folder = FLAGS_out;
+  while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
+  const Checkpoint checkpoint(folder + "/" + kCheckpoint,
+                              Setup(scene, options));
+  if (FLAGS_resume) ReadCheckpoint(checkpoint, &state, &csv);
+  std::fflush(stdout);
+  std::vector<std::string> kept = {kCheckpoint,
+                                   std::string(kCheckpoint) + ".previous"};
+  if (!FLAGS_resume) names.insert(names.end(), kept.begin(), kept.end());
+  output.Create(FLAGS_out, names, kept);
+  CatchStopSignals();
+
+  JammingResult result;
   bool found;
   {
     Progress progress;
-    int done = 0;
+    int done = state.relaxations;
     // Seconds and number of the relaxations of the present stage.
     double spent = 0.0;
     int in_stage = 0;
@@ -176,10 +310,22 @@ int Main() {
                     s.seconds);
       stage_line =
           std::string(JammingStageName(step.stage)) + ": " + estimate(step);
-      return true;
+      std::string fault;
+      if (!checkpoint.Write({{"search", ToJson(*step.state)}, {"path", csv}},
+                            &fault)) {
+        BadInput(fault);
+      }
+      return !StopRequested();
     };
-    found = FindJamming(
-        scene.packing, options, *scene.solver, observer, &result, &error);
+    found = ContinueJamming(
+        options, *scene.solver, observer, &state, &result, &error);
+  }
+  if (!found && StopRequested()) {
+    std::printf(
+        "\nstopped as asked, after relaxation %d: the same command with "
+        "--resume goes on\n",
+        state.relaxations);
+    return kNotConverged;
   }
   Json json;
   json["found"] = found;
@@ -193,7 +339,9 @@ int Main() {
   json["alpha"] = scene.energy.alpha;
   json["dimension"] = d;
   json["particles"] = scene.packing.size();
+  json["route"] = JammingRouteName(options.route);
   json["phi_init"] = options.phi_init;
+  json["overcompression"] = options.overcompression;
   json["dphi"] = options.phi_increment;
   json["epsilon"] = options.accuracy;
   json["error_bar"] = FLAGS_error_bar;
@@ -219,6 +367,8 @@ int Main() {
   json["phi_j_error"] = result.distance;
   json["phi_cr"] = result.phi_cr;
   json["slope_from_branch"] = result.secant;
+  json["phi_unjammed"] = result.phi_unjammed;
+  json["excess_contacts"] = o.rigid_contacts - o.isostatic_contacts;
   json["state"] = RelaxationJson(result.jammed);
   json["state"]["quad_relative_residual"] = judge.Relative();
 
@@ -312,7 +462,8 @@ int Main() {
 int main(int argc, char** argv) {
   granopt::ParseFlags(&argc,
                       &argv,
-                      "find the jamming point of a packing: growth, bisection, "
-                      "decompression (Algorithm 1)");
+                      "find the jamming point of a packing: growth, "
+                      "over-compression, decompression until no contact opens "
+                      "(--paper: Algorithm 1)");
   return granopt::Main();
 }

@@ -472,20 +472,13 @@ bool Preparation::FindPhiJ(std::uint64_t seed,
                            double error_bar,
                            JammingResult* result,
                            std::string* error) {
-  constexpr double kCompression = 5e-3;
-  constexpr int kMaxCompressions = 100;
-  Packing start = Relaxed(seed);
+  const Packing start = Relaxed(seed);
   stage_ = "a jammed state";
-  bool jammed = false;
-  start = Minimized(start, 1e-8, &jammed);
-  for (int step = 0; !jammed && step < kMaxCompressions; ++step) {
-    start.SetPackingFraction(start.PackingFraction() + kCompression);
-    start = Minimized(start, 1e-8, &jammed);
-  }
   JammingOptions options;
   options.energy = scene_.energy;
   options.solve = Options(1e-8);
   options.solve.vanishing_tolerance = 1e-3 * options.accuracy;
+  options.phi_init = 0.0;
   options.error_bar = std::min(error_bar, options.accuracy);
   const auto observer = [this](const JammingStep& step) {
     stage_ = Format("phi_J, %s, phi = %.10f, p = %.1e",
@@ -495,8 +488,7 @@ bool Preparation::FindPhiJ(std::uint64_t seed,
     return true;
   };
   std::string why;
-  bool found =
-      DecompressToJamming(start, options, solver_, observer, result, &why);
+  bool found = FindJamming(start, options, solver_, observer, result, &why);
   if (found && !result->converged) {
     found = false;
     why = Format(

@@ -1,5 +1,6 @@
 #include "experiments/run.h"
 
+#include <dirent.h>
 #include <dlfcn.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
@@ -185,8 +186,32 @@ void CheckPositive(const char* flag, double value) {
   BadInput(Format("--%s=%g must be positive", flag, value));
 }
 
+namespace {
+
+// What a run that was killed left of the files that it was writing:
+// "<name>.<process>.tmp".
+void RemoveTemporaries(const std::string& folder,
+                       const std::vector<std::string>& names) {
+  DIR* directory = opendir(folder.c_str());
+  if (directory == nullptr) return;
+  while (const dirent* entry = readdir(directory)) {
+    const std::string file = entry->d_name;
+    if (file.size() < 4 || file.substr(file.size() - 4) != ".tmp") continue;
+    for (const std::string& name : names) {
+      if (file.rfind(name + ".", 0) == 0) {
+        unlink((folder + "/" + file).c_str());
+        break;
+      }
+    }
+  }
+  closedir(directory);
+}
+
+}  // namespace
+
 void Output::Create(const std::string& folder,
-                    const std::vector<std::string>& names) {
+                    const std::vector<std::string>& names,
+                    const std::vector<std::string>& kept) {
   folder_ = folder;
   while (folder_.size() > 1 && folder_.back() == '/') folder_.pop_back();
   for (std::size_t at = 1; at <= folder_.size(); ++at) {
@@ -211,6 +236,8 @@ void Output::Create(const std::string& folder,
     }
   }
   for (const std::string& name : names) unlink(Path(name).c_str());
+  RemoveTemporaries(folder_, names);
+  RemoveTemporaries(folder_, kept);
 }
 
 void Output::Write(const std::string& name, const std::string& content) {

@@ -48,8 +48,11 @@ class Output {
   // Creates the folder; BadInput if that or writing in it is impossible. Files
   // of an earlier run with the `names` of this experiment are removed, so that
   // results of two runs are never mixed; summary.json is written last and marks
-  // a complete run.
-  void Create(const std::string& folder, const std::vector<std::string>& names);
+  // a complete run. Files `kept` stay, but for what a killed run left half
+  // written of them.
+  void Create(const std::string& folder,
+              const std::vector<std::string>& names,
+              const std::vector<std::string>& kept = {});
   const std::string& folder() const { return folder_; }
   std::string Path(const std::string& name) const {
     return folder_ + "/" + name;

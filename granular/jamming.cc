@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
+#include <memory>
 
 #include "solvers/format.h"
 
@@ -21,288 +21,327 @@ void Add(const Counters& part, Counters* sum) {
   sum->rebases += part.rebases;
 }
 
-// A run of the protocol.
-class Protocol {
+void SetPackingFraction(JammingRoute route, double phi, Packing* packing) {
+  if (route == JammingRoute::RADII) {
+    packing->SetPackingFraction(phi);
+    return;
+  }
+  const int d = packing->dimension();
+  packing->Deform(std::pow(packing->PackingFraction() / phi, 1.0 / d) *
+                  SmallMatrix::Identity(d, d));
+}
+
+// x = p^(1 / (alpha - 1)), which is linear in phi - phi_J.
+double Linear(double pressure, double alpha) {
+  return std::pow(pressure, 1.0 / (alpha - 1.0));
+}
+
+// dx/dphi from the affine dp/dphi.
+double AffineSlope(const Relaxation& state, double alpha) {
+  const double p = state.observables.pressure;
+  return Linear(p, alpha) / p / (alpha - 1.0) *
+         AffinePressureSlope(state.packing, state.contacts);
+}
+
+std::vector<std::array<int, 2>> RigidContacts(const Relaxation& state) {
+  const std::vector<bool>& is_rattler = state.observables.is_rattler;
+  std::vector<std::array<int, 2>> pairs;
+  for (const Contact& c : state.contacts) {
+    if (is_rattler[c.id.i] || is_rattler[c.id.j]) continue;
+    pairs.push_back({std::min(c.id.i, c.id.j), std::max(c.id.i, c.id.j)});
+  }
+  std::sort(pairs.begin(), pairs.end());
+  return pairs;
+}
+
+// The protocol: what follows from a relaxation.
+class Search {
  public:
-  Protocol(const JammingOptions& options,
-           const Solver& solver,
-           const std::function<bool(const JammingStep&)>& observer,
-           JammingResult* result,
-           std::string* error)
-      : options_(options),
-        solver_(solver),
-        observer_(observer),
-        result_(result),
-        error_(error) {}
+  Search(const JammingOptions& options, JammingState* state)
+      : options_(options), s_(*state) {}
 
-  bool Run(Packing packing) {
-    // Start.
-    packing.SetPackingFraction(options_.phi_init);
-    Relaxation state;
-    JammingVerdict verdict;
-    if (!RelaxAndJudge(JammingStage::START, packing, &state, &verdict)) {
-      return false;
-    }
-    if (verdict == JammingVerdict::JAMMED) {
-      return Fail(
-          Format("the start is jammed already at phi_init = %.6f (p = %.3e): "
-                 "begin lower",
-                 options_.phi_init,
-                 state.observables.pressure));
-    }
-    result_->start = state.packing;
-    result_->unjammed = state.packing;
-
-    Packing reference = state.packing;
-    phi_unjammed_ = options_.phi_init;
-    return Cycles(&reference);
-  }
-
-  bool RunFromJammed(const Packing& packing) {
-    Relaxation state;
-    JammingVerdict verdict;
-    if (!RelaxAndJudge(JammingStage::START, packing, &state, &verdict)) {
-      return false;
-    }
-    if (verdict != JammingVerdict::JAMMED) {
-      return Fail(Format("the start is not jammed at phi = %.6f",
-                         packing.PackingFraction()));
-    }
-    result_->start = state.packing;
-    result_->unjammed = state.packing;
-    result_->jammed = std::move(state);
-    phi_jammed_ = packing.PackingFraction();
-    bool fell = false;
-    Packing reference;
-    if (!Descend(&fell, &reference)) return false;
-    if (fell) return Cycles(&reference);
-    Conclude();
-    return true;
-  }
-
- private:
-  // Growth, bisection and decompression from the unjammed `reference`, until a
-  // branch lasts down to its jamming point.
-  bool Cycles(Packing* reference) {
-    for (int cycle = 1;; ++cycle) {
-      if (!Grow(reference) || !Bisect(reference)) return false;
-      result_->cycles = cycle;
-      bool fell = false;
-      if (!Descend(&fell, reference)) return false;
-      if (!fell || cycle == kMaxCycles) break;
-    }
-    Conclude();
-    return true;
-  }
-
-  // From the jammed state.
-  bool Descend(bool* fell, Packing* reference) {
-    result_->phi_cr = phi_jammed_;
-    UpdateDistance(AffineSlope(), /*secant=*/false);
-    return Decompress(fell, reference);
-  }
-
-  void Conclude() {
-    result_->converged =
-        result_->distance <= std::min(options_.error_bar, options_.accuracy);
-  }
-
-  // The branch of a jammed state may end at a finite pressure, where it loses
-  // stability: the search then goes on from the unjammed state it falls to.
-  static constexpr int kMaxCycles = 20;
-  static constexpr int kMaxDecompressions = 60;
-
-  // Relaxes `reference` with the packing fraction phi. Unjammed, the result
-  // becomes the reference; jammed, it becomes the result.
-  bool Try(JammingStage stage, double phi, Packing* reference) {
-    Packing packing = *reference;
-    packing.SetPackingFraction(phi);
-    Relaxation state;
-    JammingVerdict verdict;
-    if (!RelaxAndJudge(stage, packing, &state, &verdict)) return false;
-    if (verdict == JammingVerdict::JAMMED) {
-      phi_jammed_ = phi;
-      result_->jammed = std::move(state);
-    } else {
-      phi_unjammed_ = phi;
-      *reference = std::move(state.packing);
-    }
-    return true;
-  }
-
-  // Increment step: from the unjammed `reference` to the first jammed state.
-  bool Grow(Packing* reference) {
-    phi_jammed_ = 0.0;
-    const double phi_start = phi_unjammed_;
-    for (int step = 1; phi_jammed_ == 0.0; ++step) {
-      if (!Try(JammingStage::GROWTH,
-               phi_start + step * options_.phi_increment,
-               reference)) {
-        return false;
-      }
-    }
-    return true;
-  }
-
-  // Bisection step.
-  bool Bisect(Packing* reference) {
-    while (phi_jammed_ - phi_unjammed_ > options_.accuracy) {
-      const double phi = 0.5 * (phi_jammed_ + phi_unjammed_);
-      if (!(phi > phi_unjammed_) || !(phi < phi_jammed_)) break;
-      if (!Try(JammingStage::BISECTION, phi, reference)) return false;
-    }
-    result_->unjammed = *reference;
-    return true;
-  }
-
-  bool Fail(const std::string& line) {
-    *error_ = line;
-    return false;
-  }
-
-  // x = p^(1/(alpha-1)), which is linear in phi - phi_J.
-  double Linear(double pressure) const {
-    return std::pow(pressure, 1.0 / (options_.energy.alpha - 1.0));
-  }
-
-  // dx/dphi from the affine dp/dphi.
-  double AffineSlope() const {
-    const double p = result_->jammed.observables.pressure;
-    const double alpha = options_.energy.alpha;
-    return Linear(p) / p / (alpha - 1.0) *
-           AffinePressureSlope(result_->jammed.packing,
-                               result_->jammed.contacts);
-  }
-
-  void UpdateDistance(double slope, bool secant) {
-    result_->secant = secant;
-    result_->distance = Linear(result_->jammed.observables.pressure) / slope;
-    result_->phi_j = result_->phi_cr - result_->distance;
-  }
-
-  // Down the branch; at least one step, which measures p'. The affine slope is
-  // too steep, so the first step stays on the branch. Sets `fell`, with the
-  // unjammed state in `reference`, if the branch ends well above its
-  // extrapolation.
-  bool Decompress(bool* fell, Packing* reference) {
-    const bool follow = std::isfinite(options_.error_bar);
-    double fraction = 0.5;
-    int failures = 0;
-    for (int step = 0; step < kMaxDecompressions &&
-                       (!result_->secant ||
-                        (follow && result_->distance > options_.error_bar));
-         ++step) {
-      const double phi = result_->phi_cr - fraction * result_->distance;
-      if (!(phi < result_->phi_cr)) return true;  // below the last digit
-      Packing packing = result_->jammed.packing;
-      packing.SetPackingFraction(phi);
-      Relaxation state;
-      JammingVerdict verdict;
-      if (!RelaxAndJudge(
-              JammingStage::DECOMPRESSION, packing, &state, &verdict)) {
-        return false;
-      }
-      if (verdict != JammingVerdict::JAMMED) {
-        fraction *= 0.5;
-        if (++failures < 4) continue;
-        if (follow) {
-          *fell = true;
-          *reference = std::move(state.packing);
-          phi_unjammed_ = phi;
-        }
-        return true;
-      }
-      const double slope = (Linear(result_->jammed.observables.pressure) -
-                            Linear(state.observables.pressure)) /
-                           (result_->phi_cr - phi);
-      if (follow) {
-        result_->jammed = std::move(state);
-        result_->phi_cr = phi;
-        phi_jammed_ = phi;
-      }
-      if (slope > 0.0) {
-        UpdateDistance(slope, /*secant=*/true);
-        if (failures == 0) fraction = 0.9;
-      } else {
-        // It rearranged upwards: another branch, whose slope is not known yet.
-        UpdateDistance(AffineSlope(), /*secant=*/false);
-        fraction = 0.5;
-        if (!follow) return true;
-      }
-    }
-    return true;
-  }
-
-  bool RelaxAndJudge(JammingStage stage,
-                     const Packing& packing,
-                     Relaxation* state,
-                     JammingVerdict* verdict) {
-    SolveOptions solve = options_.solve;
-    if (stage == JammingStage::DECOMPRESSION) {
-      solve.vanishing_tolerance =
-          std::min(solve.vanishing_tolerance, 1e-2 * options_.error_bar);
-    }
-    const Packing* start = &packing;
-    Packing again;
-    for (int attempt = 1;; ++attempt) {
-      if (!Relax(*start, options_.energy, solver_, solve, state, error_)) {
-        return false;
-      }
-      ++result_->relaxations;
-      Add(state->summary.counters, &result_->counters);
-      result_->seconds += state->summary.seconds;
-      *verdict = Judge(*state);
-      if (observer_) {
-        JammingStep step;
-        step.stage = stage;
-        step.relaxation = result_->relaxations;
-        step.phi = packing.PackingFraction();
-        step.verdict = *verdict;
-        step.result = state;
-        step.phi_unjammed = phi_unjammed_;
-        step.phi_jammed = phi_jammed_;
-        step.distance = result_->distance;
-        if (!observer_(step)) return Fail("stopped by the caller");
-      }
-      if (*verdict != JammingVerdict::UNDECIDED) return true;
-      if (attempt == options_.max_attempts) {
-        return Fail(
-            Format("undecided at phi = %.10f after %d attempts: max|g| = %.2e "
-                   "mean forces > %.1e, p = %.3e (%s)",
-                   packing.PackingFraction(),
-                   attempt,
-                   state->observables.relative_residual,
-                   options_.undecided_residual,
-                   state->observables.pressure,
-                   state->summary.message.c_str()));
-      }
-      again = state->packing;
-      start = &again;
-    }
-  }
-
-  JammingVerdict Judge(const Relaxation& state) const {
-    switch (state.summary.reason) {
+  JammingVerdict Judge(const Relaxation& result) const {
+    switch (result.summary.reason) {
       case StopReason::VANISHED:
         return JammingVerdict::UNJAMMED;
       case StopReason::CONVERGED:
         return JammingVerdict::JAMMED;
       default:
-        return state.observables.relative_residual <=
+        return result.observables.relative_residual <=
                        options_.undecided_residual
                    ? JammingVerdict::JAMMED
                    : JammingVerdict::UNDECIDED;
     }
   }
 
+  // For the next relaxation.
+  SolveOptions MakeSolveOptions() const {
+    SolveOptions solve = options_.solve;
+    if (s_.stage == JammingStage::DECOMPRESSION) {
+      const double aim = (1.0 - s_.fraction) * s_.distance;
+      solve.vanishing_tolerance = std::min(
+          solve.vanishing_tolerance, 1e-2 * std::min(options_.error_bar, aim));
+    }
+    return solve;
+  }
+
+  // Sets the stage and the packing that comes next. Returns false with one line
+  // in `error` where the search ends without a result.
+  bool Decide(JammingVerdict verdict,
+              const Relaxation& result,
+              std::string* error) {
+    if (verdict == JammingVerdict::UNDECIDED) {
+      if (++s_.attempt == options_.max_attempts) {
+        *error = Format(
+            "undecided at phi = %.10f after %d attempts: max|g| = %.2e mean "
+            "forces > %.1e, p = %.3e (%s)",
+            s_.phi_next,
+            s_.attempt,
+            result.observables.relative_residual,
+            options_.undecided_residual,
+            result.observables.pressure,
+            result.summary.message.c_str());
+        return false;
+      }
+      s_.next = result.packing;
+      return true;
+    }
+    s_.attempt = 0;
+    const bool jammed = verdict == JammingVerdict::JAMMED;
+    switch (s_.stage) {
+      case JammingStage::START:
+        s_.start = result.packing;
+        s_.unjammed = result.packing;
+        s_.reference = result.packing;
+        if (!jammed) {
+          s_.phi_unjammed = s_.phi_next;
+          BeginGrowth();
+          return true;
+        }
+        if (!Follow()) {
+          *error = Format(
+              "the start is jammed already at phi_init = %.6f (p = %.3e): "
+              "begin lower",
+              s_.phi_next,
+              result.observables.pressure);
+          return false;
+        }
+        KeepJammed(result);
+        BeginDescent();
+        return true;
+      case JammingStage::GROWTH:
+        if (!jammed) {
+          KeepUnjammed(result);
+          s_.phi_jammed = 0.0;
+          Grow(s_.reference);
+          return true;
+        }
+        if (s_.phi_jammed == 0.0) s_.unjammed = s_.reference;
+        KeepJammed(result);
+        if (options_.overcompression > 0.0) {
+          if (s_.distance < options_.overcompression) {
+            Grow(s_.jammed);
+          } else {
+            BeginDescent();
+          }
+          return true;
+        }
+        Bisect();
+        return true;
+      case JammingStage::BISECTION:
+        if (jammed) {
+          KeepJammed(result);
+        } else {
+          KeepUnjammed(result);
+        }
+        Bisect();
+        return true;
+      case JammingStage::DECOMPRESSION:
+        if (jammed) {
+          StepDown(result);
+        } else {
+          StepTooLong(result);
+        }
+        return true;
+      case JammingStage::FINISHED:
+        break;
+    }
+    return true;
+  }
+
+ private:
+  // The branch of a jammed state may end at a finite pressure, where it loses
+  // stability: the search then goes on from the unjammed state it falls to.
+  static constexpr int kMaxCycles = 20;
+  static constexpr int kMaxDecompressions = 60;
+  static constexpr int kMaxFailures = 4;
+
+  bool Follow() const { return std::isfinite(options_.error_bar); }
+
+  void SetNext(JammingStage stage, const Packing& from, double phi) {
+    s_.stage = stage;
+    s_.phi_next = phi;
+    s_.next = from;
+    SetPackingFraction(options_.route, phi, &s_.next);
+  }
+
+  void Finish() {
+    s_.stage = JammingStage::FINISHED;
+    s_.next = Packing();
+  }
+
+  void KeepUnjammed(const Relaxation& result) {
+    s_.phi_unjammed = s_.phi_next;
+    s_.reference = result.packing;
+  }
+
+  void KeepJammed(const Relaxation& result) {
+    s_.phi_jammed = s_.phi_next;
+    s_.jammed = result.packing;
+    s_.summary = result.summary;
+    s_.summary.trace.clear();
+    s_.pressure = result.observables.pressure;
+    s_.affine_slope = AffineSlope(result, options_.energy.alpha);
+    s_.rigid_contacts = RigidContacts(result);
+    s_.excess_contacts = result.observables.rigid_contacts -
+                         result.observables.isostatic_contacts;
+    UpdateDistance(s_.affine_slope, /*secant=*/false);
+  }
+
+  void UpdateDistance(double slope, bool secant) {
+    s_.secant = secant;
+    s_.distance = Linear(s_.pressure, options_.energy.alpha) / slope;
+  }
+
+  // From the unjammed reference.
+  void BeginGrowth() {
+    ++s_.cycles;
+    s_.phi_jammed = 0.0;
+    s_.phi_start = s_.phi_unjammed;
+    s_.growth_steps = 0;
+    Grow(s_.reference);
+  }
+
+  void Grow(const Packing& from) {
+    ++s_.growth_steps;
+    SetNext(JammingStage::GROWTH,
+            from,
+            s_.phi_start + s_.growth_steps * options_.phi_increment);
+  }
+
+  void Bisect() {
+    const double phi = 0.5 * (s_.phi_jammed + s_.phi_unjammed);
+    if (s_.phi_jammed - s_.phi_unjammed > options_.accuracy &&
+        phi > s_.phi_unjammed && phi < s_.phi_jammed) {
+      SetNext(JammingStage::BISECTION, s_.reference, phi);
+      return;
+    }
+    s_.unjammed = s_.reference;
+    BeginDescent();
+  }
+
+  // The affine slope is too steep, so the first step stays on the branch.
+  void BeginDescent() {
+    s_.fraction = 0.5;
+    s_.failures = 0;
+    s_.decompressions = 0;
+    s_.contacts_kept = false;
+    Descend();
+  }
+
+  void Descend() {
+    const bool exact = s_.excess_contacts == 0 && s_.contacts_kept;
+    // At least one step, which measures p'.
+    bool on = !s_.secant;
+    if (Follow()) {
+      on = on || s_.distance > options_.error_bar;
+      if (options_.until_isostatic && !exact) {
+        on = on || (1.0 - s_.fraction) * s_.distance >=
+                       JammingOptions::kFinestDistance;
+      }
+    }
+    const double phi = s_.phi_jammed - s_.fraction * s_.distance;
+    if (!on || s_.decompressions == kMaxDecompressions ||
+        !(phi < s_.phi_jammed)) {
+      Finish();
+      return;
+    }
+    ++s_.decompressions;
+    SetNext(JammingStage::DECOMPRESSION, s_.jammed, phi);
+  }
+
+  void StepDown(const Relaxation& result) {
+    const double alpha = options_.energy.alpha;
+    const double slope = (Linear(s_.pressure, alpha) -
+                          Linear(result.observables.pressure, alpha)) /
+                         (s_.phi_jammed - s_.phi_next);
+    if (Follow()) {
+      s_.contacts_kept = RigidContacts(result) == s_.rigid_contacts;
+      KeepJammed(result);
+    }
+    if (slope > 0.0) {
+      UpdateDistance(slope, /*secant=*/true);
+      if (s_.failures == 0) s_.fraction = 0.9;
+    } else if (Follow()) {
+      // It rearranged upwards: another branch, whose slope is not known yet.
+      s_.fraction = 0.5;
+    } else {
+      Finish();
+      return;
+    }
+    Descend();
+  }
+
+  // Unjammed, well above the extrapolation.
+  void StepTooLong(const Relaxation& result) {
+    s_.fraction *= 0.5;
+    if (++s_.failures < kMaxFailures) {
+      Descend();
+    } else if (Follow() && s_.cycles < kMaxCycles) {
+      KeepUnjammed(result);
+      BeginGrowth();
+    } else {
+      Finish();
+    }
+  }
+
   const JammingOptions& options_;
-  const Solver& solver_;
-  const std::function<bool(const JammingStep&)>& observer_;
-  JammingResult* result_;
-  std::string* error_;
-  double phi_unjammed_ = 0.0;
-  double phi_jammed_ = 0.0;
+  JammingState& s_;
 };
+
+// The jammed state as a relaxation, measured from the packing alone, so that a
+// search that was interrupted measures the same.
+bool Measured(const JammingState& state,
+              const ContactEnergyOptions& options,
+              Relaxation* result,
+              std::string* error) {
+  const std::unique_ptr<ContactEnergy> energy =
+      ContactEnergy::Create(state.jammed, options, error);
+  if (energy == nullptr) return false;
+  const std::vector<double> u(energy->NumParameters(), 0.0);
+  *result = Conclude(state.summary, u.data(), energy.get());
+  return true;
+}
+
+bool CheckOptions(const Packing& start,
+                  const JammingOptions& options,
+                  std::string* error) {
+  const auto positive = [error](const char* name, double value) {
+    if (value > 0.0 && std::isfinite(value)) return true;
+    *error = Format("%s = %g must be positive", name, value);
+    return false;
+  };
+  const auto not_negative = [&](const char* name, double value) {
+    return value == 0.0 || positive(name, value);
+  };
+  return not_negative("phi_init", options.phi_init) &&
+         not_negative("overcompression", options.overcompression) &&
+         positive("dphi", options.phi_increment) &&
+         positive("epsilon", options.accuracy) &&
+         (std::isinf(options.error_bar) ||
+          positive("error_bar", options.error_bar)) &&
+         start.IsValid(error);
+}
 
 }  // namespace
 
@@ -316,6 +355,8 @@ const char* JammingStageName(JammingStage stage) {
       return "bisection";
     case JammingStage::DECOMPRESSION:
       return "decompression";
+    case JammingStage::FINISHED:
+      return "finished";
   }
   return "unknown";
 }
@@ -332,6 +373,10 @@ const char* JammingVerdictName(JammingVerdict verdict) {
   return "unknown";
 }
 
+const char* JammingRouteName(JammingRoute route) {
+  return route == JammingRoute::CELL ? "cell" : "radii";
+}
+
 double AffinePressureSlope(const Packing& packing,
                            const std::vector<Contact>& contacts) {
   const int d = packing.dimension();
@@ -343,52 +388,88 @@ double AffinePressureSlope(const Packing& packing,
   return sum / (d * packing.box.Volume()) / (d * packing.PackingFraction());
 }
 
-namespace {
-
-bool CheckOptions(const Packing& start,
+bool BeginJamming(const Packing& start,
                   const JammingOptions& options,
+                  JammingState* state,
                   std::string* error) {
-  const auto positive = [error](const char* name, double value) {
-    if (value > 0.0 && std::isfinite(value)) return true;
-    *error = Format("%s = %g must be positive", name, value);
-    return false;
-  };
-  return positive("phi_init", options.phi_init) &&
-         positive("dphi", options.phi_increment) &&
-         positive("epsilon", options.accuracy) &&
-         (std::isinf(options.error_bar) ||
-          positive("error_bar", options.error_bar)) &&
-         start.IsValid(error);
+  if (!CheckOptions(start, options, error)) return false;
+  *state = JammingState();
+  state->next = start;
+  if (options.phi_init > 0.0) {
+    SetPackingFraction(options.route, options.phi_init, &state->next);
+    state->phi_next = options.phi_init;
+  } else {
+    state->phi_next = start.PackingFraction();
+  }
+  return true;
 }
 
-}  // namespace
+bool ContinueJamming(const JammingOptions& options,
+                     const Solver& solver,
+                     const JammingObserver& observer,
+                     JammingState* state,
+                     JammingResult* result,
+                     std::string* error) {
+  *result = JammingResult();
+  Search search(options, state);
+  bool ok = true;
+  while (ok && state->stage != JammingStage::FINISHED) {
+    Relaxation relaxation;
+    if (!Relax(state->next,
+               options.energy,
+               solver,
+               search.MakeSolveOptions(),
+               &relaxation,
+               error)) {
+      return false;
+    }
+    ++state->relaxations;
+    Add(relaxation.summary.counters, &state->counters);
+    state->seconds += relaxation.summary.seconds;
+    JammingStep step;
+    step.stage = state->stage;
+    step.relaxation = state->relaxations;
+    step.phi = state->phi_next;
+    step.verdict = search.Judge(relaxation);
+    ok = search.Decide(step.verdict, relaxation, error);
+    if (observer) {
+      step.result = &relaxation;
+      step.state = state;
+      step.phi_unjammed = state->phi_unjammed;
+      step.phi_jammed = state->phi_jammed;
+      step.distance = state->distance;
+      if (!observer(step) && ok) {
+        *error = "stopped by the caller";
+        ok = false;
+      }
+    }
+  }
+  result->start = state->start;
+  result->unjammed = state->unjammed;
+  result->phi_cr = state->phi_jammed;
+  result->phi_unjammed = state->phi_unjammed;
+  result->distance = state->distance;
+  result->phi_j = result->phi_cr - result->distance;
+  result->secant = state->secant;
+  result->cycles = state->cycles;
+  result->relaxations = state->relaxations;
+  result->counters = state->counters;
+  result->seconds = state->seconds;
+  if (!ok) return false;
+  result->converged =
+      result->distance <= std::min(options.error_bar, options.accuracy);
+  return Measured(*state, options.energy, &result->jammed, error);
+}
 
 bool FindJamming(const Packing& start,
                  const JammingOptions& options,
                  const Solver& solver,
-                 const std::function<bool(const JammingStep&)>& observer,
+                 const JammingObserver& observer,
                  JammingResult* result,
                  std::string* error) {
-  if (!CheckOptions(start, options, error)) return false;
-  *result = JammingResult();
-  return Protocol(options, solver, observer, result, error).Run(start);
-}
-
-bool DecompressToJamming(
-    const Packing& start,
-    const JammingOptions& options,
-    const Solver& solver,
-    const std::function<bool(const JammingStep&)>& observer,
-    JammingResult* result,
-    std::string* error) {
-  if (!CheckOptions(start, options, error)) return false;
-  if (std::isinf(options.error_bar)) {
-    *error = "error_bar must be finite";
-    return false;
-  }
-  *result = JammingResult();
-  return Protocol(options, solver, observer, result, error)
-      .RunFromJammed(start);
+  JammingState state;
+  return BeginJamming(start, options, &state, error) &&
+         ContinueJamming(options, solver, observer, &state, result, error);
 }
 
 }  // namespace granopt

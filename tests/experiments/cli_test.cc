@@ -314,13 +314,15 @@ TEST_F(Cli, BadInputIsOneLineAndLeavesNothing) {
   ExpectRefused("jamming", "--phi_init=-0.5 --out=out", "phi_init");
   ExpectRefused("jamming", "--dphi=0 --out=out", "--dphi=0");
   ExpectRefused("jamming", "--epsilon=0 --out=out", "--epsilon=0");
+  ExpectRefused("jamming", "--route=walls --out=out", "--route=walls");
+  ExpectRefused("jamming", "--paper --error_bar=1e-9 --out=out", "--error_bar");
 }
 
 TEST_F(Cli, ResultsOfTwoRunsAreNeverMixed) {
   ASSERT_EQ(Do("jamming", "--smoke --out=out").status, 0);
   ASSERT_TRUE(Exists(folder_ + "/out/packing.xyz"));
   // Fails, so it has no packing to write; the old one must not stand beside it.
-  EXPECT_EQ(Do("jamming", "--smoke --phi_init=1 --out=out").status, 1);
+  EXPECT_EQ(Do("jamming", "--smoke --paper --phi_init=1 --out=out").status, 1);
   EXPECT_FALSE(Exists(folder_ + "/out/packing.xyz"));
   EXPECT_TRUE(Exists(folder_ + "/out/summary.json"));
   // Something else in the place of a result is found before the work.
@@ -335,7 +337,7 @@ TEST_F(Cli, ResultsOfTwoRunsAreNeverMixed) {
 // The error bar decides how far the decompression goes, nothing before it.
 TEST_F(Cli, GrowthAndBisectionDoNotDependOnTheErrorBar) {
   const auto path = [&](const std::string& flags) {
-    Do("jamming", "--smoke --seed=7 --out=out " + flags);
+    Do("jamming", "--smoke --seed=7 --overcompression=0 --out=out " + flags);
     const std::string csv = Slurp(folder_ + "/out/path.csv");
     const std::string head = csv.substr(0, csv.find("decompression"));
     // Without the column of seconds.
@@ -382,10 +384,45 @@ TEST_F(Cli, JammingSmokeRunFindsAnIsostaticState) {
 }
 
 TEST_F(Cli, JammingOfAJammedStartSaysSo) {
-  const Outcome run = Do("jamming", "--particles=64 --phi_init=0.9 --out=out");
+  const Outcome run =
+      Do("jamming", "--paper --particles=64 --phi_init=0.9 --out=out");
   EXPECT_EQ(run.status, 1);
   EXPECT_NE(run.err.find("jammed already at phi_init = 0.9"), std::string::npos)
       << run.err;
+}
+
+// A quench above jamming is followed down at once.
+TEST_F(Cli, JammingFollowsAJammedStartDown) {
+  ASSERT_EQ(Do("jamming", "--smoke --phi_init=0.9 --out=out").status, 0);
+  const std::string path = Slurp(folder_ + "/out/path.csv");
+  EXPECT_EQ(path.find("growth"), std::string::npos);
+  const auto json = nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
+  EXPECT_EQ(json["cycles"], 0);
+  // Its result is a start again, taken as it is.
+  ASSERT_EQ(Do("jamming",
+               "--smoke --input=" + folder_ + "/out/packing.xyz --out=again")
+                .status,
+            0);
+  const auto again =
+      nlohmann::json::parse(Slurp(folder_ + "/again/summary.json"));
+  EXPECT_NEAR(again["phi_j"].get<double>(),
+              json["phi_j"].get<double>(),
+              json["phi_j_error"].get<double>());
+}
+
+// In units of the radius the cell shrinks as the radii would grow.
+TEST_F(Cli, BothRoutesLeadToTheSamePacking) {
+  const auto run = [&](const std::string& flags) {
+    EXPECT_EQ(Do("jamming", "--smoke --seed=4 --out=out " + flags).status, 0);
+    return nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
+  };
+  const auto radii = run("--phi_init=0.86");
+  const auto cell = run("--phi_init=0.86 --route=cell");
+  EXPECT_NEAR(radii["phi_j"].get<double>(), cell["phi_j"].get<double>(), 1e-12);
+  EXPECT_EQ(radii["state"]["contacts"], cell["state"]["contacts"]);
+  const std::string packing = Slurp(folder_ + "/out/packing.xyz");
+  EXPECT_NE(packing.find("Lattice=\"1.0"), std::string::npos)
+      << packing.substr(0, 100);
 }
 
 // ---------------------------------------------------------------- compare

@@ -5,6 +5,7 @@
 #include <limits>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "granular/packing_generator.h"
 #include "granular/quad_residual.h"
@@ -105,19 +106,14 @@ TEST_P(CrystalTest, AnOverJammedLatticeIsFollowedDownToItsClosePacking) {
   start.SetPackingFraction(0.95);
   JammingResult result;
   std::string error;
-  ASSERT_TRUE(DecompressToJamming(
-      start, options, *DefaultSolver(), nullptr, &result, &error))
+  options.phi_init = 0.0;
+  ASSERT_TRUE(
+      FindJamming(start, options, *DefaultSolver(), nullptr, &result, &error))
       << error;
   EXPECT_TRUE(result.converged);
   EXPECT_EQ(result.cycles, 0);
+  EXPECT_EQ(result.phi_unjammed, 0.0);
   EXPECT_NEAR(result.phi_j, kPi / (2.0 * std::sqrt(3.0)), result.distance);
-  start.SetPackingFraction(0.9);
-  EXPECT_FALSE(DecompressToJamming(
-      start, options, *DefaultSolver(), nullptr, &result, &error));
-  EXPECT_NE(error.find("not jammed at phi = 0.9"), std::string::npos) << error;
-  options.error_bar = std::numeric_limits<double>::infinity();
-  EXPECT_FALSE(DecompressToJamming(
-      start, options, *DefaultSolver(), nullptr, &result, &error));
 }
 
 TEST_P(CrystalTest, FaceCentredCubicLatticeJamsAtItsClosePacking) {
@@ -160,6 +156,85 @@ TEST(Jamming, DisorderedPackingIsIsostaticAtItsJammingPoint) {
     ASSERT_TRUE(EvaluateQuad(
         result.jammed.packing, options.energy, nullptr, &judge, &error));
     EXPECT_LE(judge.max_gradient, 2e-8 * judge.mean_force);
+  }
+}
+
+// Over-compression takes the place of the bisection, and the descent goes on
+// until no contact opens.
+TEST(Jamming, SharpProtocolEndsWithExactlyTheIsostaticContacts) {
+  for (int seed = 21; seed <= 26; ++seed) {
+    SCOPED_TRACE(seed);
+    const int dimension = seed <= 24 ? 2 : 3;
+    GeneratorOptions generator;
+    generator.dimension = dimension;
+    generator.particles = dimension == 2 ? 64 : 40;
+    generator.seed = static_cast<std::uint64_t>(seed);
+    Packing start;
+    std::string error;
+    ASSERT_TRUE(GeneratePacking(generator, &start, &error)) << error;
+    // Grown, or quenched from above.
+    JammingOptions options = Options(
+        dimension == 2 ? (seed % 2 == 0 ? 0.79 : 0.9) : 0.57, 1e-5, 1e-4);
+    options.overcompression = 3e-3;
+    options.until_isostatic = true;
+    options.solve.vanishing_tolerance = 1e-9;
+    JammingResult result;
+    int bisections = 0;
+    double highest = 0.0;
+    const auto observer = [&](const JammingStep& step) {
+      bisections += step.stage == JammingStage::BISECTION ? 1 : 0;
+      if (step.stage == JammingStage::GROWTH) highest = step.phi;
+      return true;
+    };
+    ASSERT_TRUE(FindJamming(
+        start, options, *DefaultSolver(), observer, &result, &error))
+        << error;
+    EXPECT_EQ(bisections, 0);
+    const Observables& o = result.jammed.observables;
+    EXPECT_EQ(o.rigid_contacts, o.isostatic_contacts);
+    EXPECT_LE(result.distance, 1e-4);
+    if (highest > 0.0) EXPECT_GE(highest - result.phi_j, 2e-3);
+  }
+}
+
+// A search that goes on from a copy of any of its states is the same search.
+TEST(Jamming, AnySearchGoesOnFromAnyOfItsStates) {
+  GeneratorOptions generator;
+  generator.particles = 48;
+  generator.seed = 6;
+  Packing start;
+  std::string error;
+  ASSERT_TRUE(GeneratePacking(generator, &start, &error)) << error;
+  JammingOptions options = Options(0.79, 1e-3, 1e-6);
+  const auto solver = DefaultSolver();
+  std::vector<JammingState> states;
+  JammingResult whole;
+  ASSERT_TRUE(FindJamming(
+      start,
+      options,
+      *solver,
+      [&](const JammingStep& step) {
+        states.push_back(*step.state);
+        return true;
+      },
+      &whole,
+      &error));
+  ASSERT_GE(states.size(), 8u);
+  for (std::size_t k = 0; k < states.size(); k += 3) {
+    SCOPED_TRACE(k);
+    JammingState state = states[k];
+    JammingResult rest;
+    ASSERT_TRUE(
+        ContinueJamming(options, *solver, nullptr, &state, &rest, &error));
+    EXPECT_EQ(rest.phi_j, whole.phi_j);
+    EXPECT_EQ(rest.distance, whole.distance);
+    EXPECT_EQ(rest.relaxations, whole.relaxations);
+    EXPECT_EQ(rest.counters.evaluations, whole.counters.evaluations);
+    EXPECT_EQ(rest.jammed.packing.positions, whole.jammed.packing.positions);
+    EXPECT_EQ(rest.jammed.packing.positions_low,
+              whole.jammed.packing.positions_low);
+    EXPECT_EQ(rest.jammed.observables.pressure,
+              whole.jammed.observables.pressure);
   }
 }
 
@@ -217,7 +292,9 @@ TEST(Jamming, ErrorBarIsTheDistanceToTheBranchEnd) {
 
 TEST(Jamming, JammedStartAndBadOptionsAreRefused) {
   Packing packing = Hexagonal(4);
-  JammingOptions options = Options(0.95, 1e-6, 1e-8);
+  JammingOptions options =
+      Options(0.95, 1e-6, std::numeric_limits<double>::infinity());
+  options.solve.vanishing_tolerance = 1e-9;
   JammingResult result;
   std::string error;
   const auto solver = DefaultSolver();

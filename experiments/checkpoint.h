@@ -1,0 +1,65 @@
+// granopt: checkpoints of long runs, and how a run is asked to stop.
+//
+// A checkpoint is one line of text,
+//
+//   granopt-checkpoint 1 <bytes> <CRC-32 of the rest, hexadecimal>
+//
+// and then, in CBOR, which keeps every bit of a double, an object of two:
+// "setup", what the run was asked to do, and "state", where it stands.
+
+#ifndef GRANOPT_EXPERIMENTS_CHECKPOINT_H_
+#define GRANOPT_EXPERIMENTS_CHECKPOINT_H_
+
+#include <string>
+#include <vector>
+
+#include "granular/jamming.h"
+#include "nlohmann/json.hpp"
+
+namespace granopt {
+
+using Json = nlohmann::ordered_json;
+
+// The file of that name and the one before it, "<path>.previous".
+class Checkpoint {
+ public:
+  Checkpoint(std::string path, Json setup)
+      : path_(std::move(path)), setup_(std::move(setup)) {}
+
+  // Atomic: at any moment `path` is whole, and the one before is kept. Returns
+  // false with one line in `error` (disk full, removed folder).
+  bool Write(const Json& state, std::string* error) const;
+
+  enum class Found { NONE, OTHER_SETUP, OK };
+  // The newest of the two that is whole. `faults` gets a line for each that is
+  // not ("F: cut short, 812 of 4096 bytes"), `error` what is asked for
+  // differently now than then (OTHER_SETUP).
+  Found Read(Json* state,
+             std::vector<std::string>* faults,
+             std::string* error) const;
+
+  const std::string& path() const { return path_; }
+  std::string previous() const { return path_ + ".previous"; }
+
+ private:
+  const std::string path_;
+  const Json setup_;
+};
+
+// CRC-32 (ISO-HDLC, as in zip files) of the bytes.
+std::uint32_t Crc32(const std::string& bytes);
+
+// A search for a jamming point, exactly.
+Json ToJson(const JammingState& state);
+// Throws Json::exception if `json` is not of that form.
+JammingState JammingStateOf(const Json& json);
+
+// From now on SIGINT and SIGTERM are noticed instead of ending the process;
+// the second one ends it.
+void CatchStopSignals();
+// True if one came.
+bool StopRequested();
+
+}  // namespace granopt
+
+#endif  // GRANOPT_EXPERIMENTS_CHECKPOINT_H_

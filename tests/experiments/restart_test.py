@@ -1,0 +1,169 @@
+"""Interrupts the jamming experiment in every way and has it go on.
+
+    restart_test.py BINARIES [KILLS]
+
+SIGKILL at random moments (50 of them unless said otherwise), SIGINT, truncated
+and damaged checkpoints: each time the run that goes on must end with the bytes
+of the one that nothing happened to, and the checkpoint must be whole.
+"""
+
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import zlib
+
+FLAGS = ["--particles=96", "--nopictures", "--error_bar=1e-8"]
+
+
+def Command(seed, out, *more):
+  return [BINARY, f"--seed={seed}", f"--out={out}", *FLAGS, *more]
+
+
+def Run(*words):
+  done = subprocess.run(Command(*words), capture_output=True, text=True)
+  return done.returncode, done.stdout, done.stderr
+
+
+def Results(out):
+  """What must not depend on interruptions: all but times."""
+  files = {}
+  for name in ("packing.xyz", "contacts.csv", "stage_initial.xyz",
+               "stage_unjammed.xyz"):
+    with open(os.path.join(out, name), encoding="utf-8") as file:
+      files[name] = file.read()
+  with open(os.path.join(out, "path.csv"), encoding="utf-8") as file:
+    files["path.csv"] = [line.rsplit(",", 1)[0] for line in file]
+  with open(os.path.join(out, "summary.json"), encoding="utf-8") as file:
+    text = file.read()
+  files["phi_j"] = re.search(r'"phi_j": (\S+)', text).group(1)
+  files["evaluations"] = re.search(r'"evaluations": (\d+)', text).group(1)
+  return files
+
+
+def CheckCheckpoint(path):
+  with open(path, "rb") as file:
+    header, body = file.read().split(b"\n", 1)
+  words = header.split()
+  assert words[:2] == [b"granopt-checkpoint", b"1"], header
+  assert int(words[2]) == len(body), header
+  assert int(words[3], 16) == zlib.crc32(body), header
+
+
+def Damage(path, how):
+  with open(path, "rb") as file:
+    text = bytearray(file.read())
+  if how == "cut short":
+    text = text[:len(text) * 2 // 3]
+  else:
+    text[len(text) // 2] ^= 4
+  with open(path, "wb") as file:
+    file.write(text)
+
+
+def main():
+  kills = int(sys.argv[2]) if len(sys.argv) > 2 else 50
+  generator = random.Random(5)
+  folder = tempfile.mkdtemp(prefix="granopt_restart_")
+  killed = seed = resumed = 0
+  began = time.time()
+  while killed < kills:
+    seed += 1
+    whole, broken = (f"{folder}/{name}_{seed}" for name in ("whole", "broken"))
+    start = time.time()
+    assert Run(seed, whole)[0] == 0
+    duration = time.time() - start
+    last = 0
+    more = []
+    while True:
+      process = subprocess.Popen(Command(seed, broken, *more),
+                                 stdout=subprocess.PIPE, text=True)
+      # Also on what starting and ending do.
+      wait = generator.uniform(0.0, max(0.4, 0.3 * duration))
+      try:
+        out, _ = process.communicate(timeout=wait)
+        assert process.returncode == 0, out
+      except subprocess.TimeoutExpired:
+        process.send_signal(signal.SIGKILL)
+        out, _ = process.communicate()
+        killed += 1
+      found = re.search(r"resumed after relaxation (\d+)", out)
+      if found:
+        resumed += 1
+        assert int(found.group(1)) >= last, "a step was lost"
+        last = int(found.group(1))
+      path = os.path.join(broken, "checkpoint.cbor")
+      if os.path.exists(path):
+        CheckCheckpoint(path)
+        more = ["--resume"]
+      else:
+        assert last == 0
+      if process.returncode == 0:
+        break
+    assert Results(broken) == Results(whole), f"seed {seed}"
+    left = [name for name in os.listdir(broken) if name.endswith(".tmp")]
+    assert not left, left
+  print(f"{killed} kills, {resumed} runs that went on, {seed} packings, "
+        f"{time.time() - began:.0f} s: every result has the same bytes")
+
+  # Asked to stop, it ends its step and says how to go on.
+  whole, broken = f"{folder}/whole_1", f"{folder}/stopped"
+  stops = 0
+  more = []
+  while True:
+    process = subprocess.Popen(Command(1, broken, *more),
+                               stdout=subprocess.PIPE, text=True)
+    time.sleep(0.25)
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate()
+    if process.returncode == 0:
+      break
+    if process.returncode == 1:
+      stops += 1
+      assert "stopped as asked, after relaxation" in out, out
+      assert not os.path.exists(broken + "/summary.json")
+      more = ["--resume"]
+    else:  # before it listened
+      assert process.returncode == -signal.SIGINT, process.returncode
+  assert Results(broken) == Results(whole)
+  print(f"{stops} stops by SIGINT: the same bytes")
+
+  # Damaged files are named, and the older one is used.
+  for how in ("cut short", "damaged"):
+    out = f"{folder}/faulty_{len(how)}"
+    process = subprocess.Popen(Command(1, out), stdout=subprocess.PIPE,
+                               text=True)
+    while not os.path.exists(out + "/checkpoint.cbor.previous"):
+      time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    Damage(out + "/checkpoint.cbor", how)
+    shutil.copytree(out, out + "_both")
+    status, text, error = Run(1, out, "--resume")
+    assert status == 0, text + error
+    assert re.search(rf"checkpoint.cbor: {how}.*: the one before is used",
+                     text), text
+    assert Results(out) == Results(whole)
+    Damage(out + "_both/checkpoint.cbor.previous", how)
+    before = sorted(os.listdir(out + "_both"))
+    status, text, error = Run(1, out + "_both", "--resume")
+    assert status == 2 and error.count("\n") == 1, error
+    assert error.count(how) == 2 and "nothing to go on from" in error, error
+    assert sorted(os.listdir(out + "_both")) == before
+  print("cut and damaged checkpoints: named, the one before used, the same "
+        "bytes")
+  # Other flags are refused.
+  status, _, error = Run(1, whole, "--resume", "--dphi=2e-3")
+  assert status == 2 and "dphi = 0.001, now 0.002" in error, error
+  shutil.rmtree(folder)
+  return 0
+
+
+if __name__ == "__main__":
+  BINARY = os.path.join(sys.argv[1], "jamming")
+  sys.exit(main())
