@@ -1,7 +1,8 @@
 // jamming: the jamming point of a packing by Algorithm 1 of Wang & Zhang
 // (sec. 2.4): growth of the radii at fixed positions from phi_init by dphi
 // until the packing is jammed, bisection to epsilon, and a decompression along
-// the jammed branch that brings the error bar below --error_bar.
+// the jammed branch that brings the error bar below --error_bar. With --seeds
+// the same for many packings, as processes of their own (ensemble.h).
 
 #include "granular/jamming.h"
 
@@ -12,6 +13,8 @@
 #include <string>
 
 #include "experiments/certificate.h"
+#include "experiments/distributions.h"
+#include "experiments/ensemble.h"
 #include "experiments/run.h"
 #include "experiments/scene.h"
 #include "granular/quad_residual.h"
@@ -32,6 +35,8 @@ namespace granopt {
 namespace {
 
 int Main() {
+  // Before defaults are changed: what the user gave goes to every child.
+  const Ensemble ensemble = ReadEnsembleFlags();
   if (!IsGiven("tolerance")) FLAGS_tolerance = 1e-8;
   if (FLAGS_smoke) {
     if (!IsGiven("particles") && FLAGS_input.empty()) FLAGS_particles = 64;
@@ -67,20 +72,23 @@ int Main() {
   else
     options.error_bar = std::numeric_limits<double>::infinity();
 
+  if (ensemble.asked) return RunEnsemble(ensemble, scene.energy);
+
   Output output;
-  output.Create(FLAGS_out,
-                WithCertificateFiles({"summary.json",
-                                      "packing.xyz",
-                                      "contacts.csv",
-                                      "path.csv",
-                                      "stage_initial.xyz",
-                                      "stage_unjammed.xyz",
-                                      "packing.svg",
-                                      "packing.png",
-                                      "stages.svg",
-                                      "stages.png",
-                                      "path.svg",
-                                      "path.png"}));
+  output.Create(
+      FLAGS_out,
+      WithDistributionFiles(WithCertificateFiles({"summary.json",
+                                                  "packing.xyz",
+                                                  "contacts.csv",
+                                                  "path.csv",
+                                                  "stage_initial.xyz",
+                                                  "stage_unjammed.xyz",
+                                                  "packing.svg",
+                                                  "packing.png",
+                                                  "stages.svg",
+                                                  "stages.png",
+                                                  "path.svg",
+                                                  "path.png"})));
   std::printf("jamming   %s (%s), alpha = %g\n",
               Describe(scene.packing).c_str(),
               scene.origin.c_str(),
@@ -226,6 +234,8 @@ int Main() {
   output.Write("contacts.csv", ContactsCsv(result.jammed));
   const std::string certificate = PublishCertificate(
       result.jammed.packing, scene.energy, "contacts.csv", &output, &json);
+  const std::string distributions = PublishDistributions(
+      result.jammed.packing, result.jammed.contacts, &output, &json);
   json["provenance"] = Provenance();
   output.WritePacking("stage_initial.xyz", result.start);
   output.WritePacking("stage_unjammed.xyz", result.unjammed);
@@ -278,6 +288,7 @@ int Main() {
       "  residual      %.1e mean forces, judged in quadruple precision\n",
       judge.Relative());
   if (!certificate.empty()) std::printf("  %s", certificate.c_str());
+  std::printf("  %s", distributions.c_str());
   if (result.cycles > 1) {
     std::printf(
         "  branches      %d: the earlier ones lost stability at a finite "

@@ -41,11 +41,8 @@ double VarianceOfExponential(double v) {
 }
 
 // Kolmogorov's distance of sorted samples in (low, high] from x^exponent.
-double KolmogorovDistance(const double* x,
-                          int n,
-                          double low,
-                          double high,
-                          double exponent) {
+double KolmogorovDistance(
+    const double* x, int n, double low, double high, double exponent) {
   const double s = 1.0 + exponent;
   double distance = 0.0;
   for (int i = 0; i < n; ++i) {
@@ -54,8 +51,9 @@ double KolmogorovDistance(const double* x,
       f = std::pow(x[i] / high, s);
     } else {
       const double t = std::log(x[i] / low), length = std::log(high / low);
-      f = std::abs(s * length) < 1e-9 ? t / length
-                                      : std::expm1(s * t) / std::expm1(s * length);
+      f = std::abs(s * length) < 1e-9
+              ? t / length
+              : std::expm1(s * t) / std::expm1(s * length);
     }
     distance = std::max({distance,
                          f - static_cast<double>(i) / n,
@@ -192,8 +190,9 @@ PowerLawFit ScanPowerLaw(std::vector<double> samples,
   PowerLawFit best;
   int last = 0;
   for (int w = 0; w < kWindows; ++w) {
-    const int m = static_cast<int>(std::lround(
-        least * std::pow(static_cast<double>(n) / least, w / (kWindows - 1.0))));
+    const int m = static_cast<int>(
+        std::lround(least * std::pow(static_cast<double>(n) / least,
+                                     w / (kWindows - 1.0))));
     if (m == last) continue;
     last = m;
     // The window ends half way to the next sample: ending at one, it would
