@@ -30,6 +30,9 @@ DEFINE_double(
     1e-8,
     "then follow the jammed branch down until the error bar of phi_J is at "
     "most this; 0: stop where the published algorithm stops");
+DEFINE_bool(resume,
+            false,
+            "with --seeds: runs that are complete are not run again");
 
 namespace granopt {
 namespace {
