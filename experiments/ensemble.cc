@@ -568,7 +568,10 @@ int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
         return m.complete;
       })) {
     output.Plot(
-        {"ensemble", output.Path("ensemble.csv"), output.Path("ensemble")},
+        {"ensemble",
+         output.Path("ensemble.csv"),
+         output.Path("ensemble"),
+         Format("--dimension=%d", d)},
         {"ensemble.svg", "ensemble.png"});
     std::vector<std::string> arguments = {"finite_size",
                                           output.Path("sizes.csv"),
