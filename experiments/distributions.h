@@ -29,7 +29,7 @@ struct DistributionFits {
   PowerLawFit localized, extended, gaps;  // gaps: exponent = -gamma
   int packings = 0, bucklers = 0, rigid_grains = 0;
 };
-constexpr int kLeastSamples = 50;
+constexpr int kLeastSamples = 100;
 DistributionFits FitDistributions(const std::vector<PackingSamples>& packings);
 
 // {"theta_localized": {"exponent", "error", "samples", "low", "high",
