@@ -65,7 +65,7 @@ SizeStatistics Summarize(const std::vector<Member>& members, int particles);
 // 1 / (d nu) of phi_J(N) = phi_inf - c N^(-1 / (d nu)), with 1 / nu = 1.41.
 //
 // Source: O'Hern, Silbert, Liu, Nagel, Phys. Rev. E 68 (2003) 011306: 1 / nu =
-// 1 / 0.71, phi_inf = 0.8418 (discs), 0.6483 (spheres, both bidisperse).
+// 1 / 0.71, phi_inf = 0.8418 (discs), 0.648 (spheres, both bidisperse).
 double FiniteSizeExponent(int dimension);
 
 // a = phi_inf, b = -c, from the means and standard errors of sizes with at

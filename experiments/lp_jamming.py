@@ -16,7 +16,9 @@ separations r and sums of radii D of pairs that could touch,
 until s - 1 is below roundoff. What is left out of |r + dx_i - dx_j|^2 is a square, so
 that every state is free of overlaps. The dual variables of a program are the
 contact forces of the packing that it ends with, up to a factor: those above zero
-are its contacts, d N' - d + 1 of them among N' grains that are no rattlers.
+are its contacts, d N' - d + 1 of them among N' grains that are no rattlers. Pairs of
+those that touch without a force, to roundoff, are redundant: with grains of two
+sizes, geometry may close a contact that the others hold already.
 
 A program is written in units of the gaps that are left, which makes the tolerances of
 the solver relative to those; gaps are known from differences to the packing as it
@@ -328,6 +330,11 @@ def main():
     force /= chain.square[pairs[active]]
     i, j = chain.i[pairs[active]], chain.j[pairs[active]]
     grains = len(set(i) | set(j))
+    # Pairs that touch all the same.
+    rigid = np.zeros(len(packing.radii), bool)
+    rigid[i] = rigid[j] = True
+    closed = (np.abs(chain.gaps()) <= max(64 * EPSILON, 1e-3 * abs(gain))) & rigid[chain.i] & rigid[chain.j]
+    closed[pairs[active]] = False
     ours = {}
     for a, b, f in zip(i, j, force):
         ours.setdefault((min(a, b), max(a, b)), []).append(f)
@@ -342,12 +349,15 @@ def main():
         rattlers=len(packing.radii) - grains,
         active=int(active.sum()),
         isostatic=d * grains - d + 1,
+        redundant=int(closed.sum()),
     )
     print("phi_J = %.15f, %d programs%s" % (phi + change, programs, "" if converged else ": NOT CONVERGED"))
     print(
         "  active        %d constraints among %d grains (isostatic: %d); %d rattlers"
         % (report["active"], grains, report["isostatic"], report["rattlers"])
     )
+    if report["redundant"]:
+        print("  redundant     %d more pairs of them touch without a force" % report["redundant"])
     if phi_j is not None:
         report["own_phi_j"], report["difference"] = phi_j, (phi - phi_j) + change
         print("  difference    %+.1e to phi_J = %.15f of the packing" % (report["difference"], phi_j))

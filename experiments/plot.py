@@ -38,6 +38,7 @@ import math
 import os
 import re
 import sys
+import textwrap
 from collections import namedtuple
 
 try:
@@ -1601,7 +1602,7 @@ def ConditioningFigure(arguments):
 
 # phi_J for N -> infinity and a rapid quench, bidisperse 1:1.4: O'Hern, Silbert, Liu,
 # Nagel, Phys. Rev. E 68 (2003) 011306.
-LITERATURE_PHI = {2: 0.8418, 3: 0.6483}
+LITERATURE_PHI = {2: 0.8418, 3: 0.648}
 
 
 def SizeColours(sizes):
@@ -1612,21 +1613,23 @@ def SizeColours(sizes):
 
 
 def ReadingHelp(figure, text, left=0.85):
-  """Small print under the figure."""
-  width, _ = figure.get_size_inches()
-  figure.text(left / width, 0.13 / figure.get_size_inches()[1], text, fontsize=10,
-              color=GREY, va="bottom", linespacing=1.45)
+  """Small print under the figure, broken to its width."""
+  width, height = figure.get_size_inches()
+  lines = textwrap.wrap(text, int(13.2 * (width - left - 0.1)))
+  figure.text(left / width, 0.14 / height, "\n".join(lines), fontsize=10, color=GREY,
+              va="bottom", linespacing=1.45)
 
 
 def WithError(value, error):
-  """0.842(3): the error in units of the last digit, which has one of 1..9."""
+  """0.842(3): the error in units of the last digit; two digits of it below 3.55, the
+  rule of the Particle Data Group."""
   if not error > 0 or not math.isfinite(error):
     return "%.5g" % value
-  digits = max(0, -math.floor(math.log10(error)))
-  last = round(error * 10**digits)
-  if last == 10:
-    digits, last = max(0, digits - 1), 1
-  return ("%.*f(%d)" % (digits, value, last)).replace("-", "\u2212")
+  digits = -math.floor(math.log10(error))
+  if error * 10**digits < 3.55:
+    digits += 1
+  digits = max(0, digits)
+  return "%.*f(%d)" % (digits, value, round(error * 10**digits))
 
 
 def EnsembleFigure(arguments):
@@ -1647,7 +1650,7 @@ def EnsembleFigure(arguments):
   figure, axes = plt.subplots(
       len(sizes), 1, sharex=True, squeeze=False, figsize=(width, height),
       gridspec_kw=dict(left=0.85 / width, right=1 - 1.75 / width,
-                       top=1 - 0.35 / height, bottom=1.35 / height, hspace=0.16))
+                       top=1 - 0.3 / height, bottom=1.3 / height, hspace=0.16))
   # One width of the bins for all, from the rule of Freedman and Diaconis for the
   # widest row.
   spread = []
@@ -1660,6 +1663,7 @@ def EnsembleFigure(arguments):
   width_of_bin = max(np.exp(np.mean(np.log(spread))), (high - low) / 80)
   edges = np.arange(math.floor(low / width_of_bin),
                     math.ceil(high / width_of_bin) + 1) * width_of_bin
+  low, high = edges[0], edges[-1]
   for ax, size in zip(axes[:, 0], sizes):
     values = table["phi_j"][table["particles"] == size]
     colour = colours[size]
@@ -1678,26 +1682,27 @@ def EnsembleFigure(arguments):
                   capsize=3, zorder=5)
       ax.errorbar([mean], [0.9 * top], xerr=[error], color=colour, linewidth=4.0, zorder=5)
       lines += [r"$\langle\phi_J\rangle$ = %s" % WithError(mean, error),
-                r"$\sigma$ = %.2g" % deviation]
+                r"$\sigma$ = %#.2g" % deviation]
     ax.plot([mean], [0.9 * top], "o", color="white", markeredgecolor=colour,
             markeredgewidth=1.5, markersize=6, zorder=6)
     ax.axvline(literature, color=GREY, linewidth=1.1, linestyle=(0, (5, 3)), zorder=1)
     ax.set_ylim(0, top)
     ax.set_xlim(low, high)
-    ax.yaxis.set_major_locator(ticker.MaxNLocator(3, integer=True))
+    ax.yaxis.set_major_locator(ticker.MaxNLocator(3, integer=True, prune="lower"))
     ax.grid(True, axis="x", color=PALE, linewidth=0.7)
     ax.set_axisbelow(True)
     ax.tick_params(which="both", top=True, right=True)
     ax.text(1.02, 0.93, text, transform=ax.transAxes, va="top", fontsize=12.5,
             color=colour, fontweight="bold")
-    ax.text(1.02, 0.66, "\n".join(lines), transform=ax.transAxes, va="top", fontsize=10,
+    ax.text(1.02, 0.7, "\n".join(lines), transform=ax.transAxes, va="top", fontsize=10,
             color=INK, linespacing=1.35)
-  axes[len(sizes) // 2, 0].set_ylabel("packings")
+  figure.text(0.28 / width, (1.3 + 0.5 * (height - 1.6)) / height, "packings",
+              rotation=90, ha="center", va="center", fontsize=14)
   axes[-1, 0].set_xlabel(r"packing fraction at jamming  $\phi_J$")
   ReadingHelp(figure, "Each tick is the jamming point of one packing; circle, thick and thin "
-              "bar: their mean, its standard error, their\nstandard deviation. Dashed: "
-              "%g, the literature\u2019s value for $N \\to \\infty$ and a rapid quench." %
-              literature)
+              "bar: their mean, its standard error, and their standard deviation. "
+              "Dashed: %g, the literature\u2019s value for a rapid quench and N \u2192 "
+              "\u221e, to which small packings do not get." % literature)
   return figure
 
 
@@ -1724,6 +1729,8 @@ def FiniteSizeFigure(arguments):
   ax.set_xlim(first, last)
   literature = LITERATURE_PHI[arguments.dimension]
   ax.axhline(literature, color=GREY, linewidth=1.3, linestyle=(0, (5, 3)), zorder=1)
+  ax.annotate("%g" % literature, (0.012, literature), xycoords=("axes fraction", "data"),
+              xytext=(0, -3), textcoords="offset points", va="top", color=GREY, fontsize=11)
   ax.vlines(n, table["least"], table["most"], color=Mix(BLUE, "#FFFFFF", 0.55),
             linewidth=1.2, zorder=2)
   ax.vlines(n, mean - table["standard_deviation"], mean + table["standard_deviation"],
@@ -1751,12 +1758,13 @@ def FiniteSizeFigure(arguments):
   ax.tick_params(which="both", top=True, right=True)
   counts = sorted(set(table["complete"].astype(int)))
   ReadingHelp(figure, "Points: means over %s packings with their standard errors; wide bars: "
-              "standard deviation, thin ones:\nleast to largest. Dashed: the literature\u2019s "
-              "%g for $N \\to \\infty$%s" %
+              "standard deviation, thin ones: least to largest. %s" %
               ("%d" % counts[0] if len(counts) == 1 else "%d to %d" % (counts[0], counts[-1]),
-               literature,
-               "; red: the fit, its exponent taken from the\nliterature too, and "
-               "(band) where it ends." if fit else "."), left=0.95)
+               "Red: the fit, whose exponent is the literature\u2019s, and (band) where it "
+               "ends for N \u2192 \u221e; dashed: where the literature says a rapid quench "
+               "does." if fit else
+               "Dashed: the literature\u2019s value for a rapid quench and N \u2192 \u221e."),
+              left=0.95)
   return figure
 
 
@@ -1770,8 +1778,7 @@ QUANTITIES = (
 
 
 def DistributionsFigure(arguments):
-  """Cumulative, so that nothing is binned. Thick and dashed: the fit, on its window;
-  grey: the slope of the theory."""
+  """Cumulative, so that nothing is binned; the fit is drawn on its window."""
   forces = ReadTable(arguments.forces, ("particles", "kind", "force"), words=("kind",))
   gaps = ReadTable(arguments.gaps, ("particles", "gap"))
   fits = ReadTable(arguments.table, ("particles", "quantity", "samples", "low", "high",
@@ -1790,11 +1797,11 @@ def DistributionsFigure(arguments):
       "theta_extended": (forces["particles"][kind == "extended"],
                          forces["force"][kind == "extended"]),
       "gamma": (gaps["particles"], gaps["gap"])}
-  width, height = 14.4, 6.35
+  width, height = 14.4, 6.1
   figure, axes = plt.subplots(
       1, 3, squeeze=False, figsize=(width, height),
-      gridspec_kw=dict(left=0.85 / width, right=1 - 0.2 / width, top=1 - 0.5 / height,
-                       bottom=1.55 / height, wspace=0.2))
+      gridspec_kw=dict(left=0.85 / width, right=1 - 0.3 / width, top=1 - 0.45 / height,
+                       bottom=1.3 / height, wspace=0.2))
   for ax, (name, title, label, symbol, sign) in zip(axes[0], QUANTITIES):
     of, values = panels[name]
     good = values > 0
@@ -1804,51 +1811,52 @@ def DistributionsFigure(arguments):
     ax.set_title(title, loc="left", pad=7)
     ax.set_xlabel(label)
     slope = 1 + sign * theory[name]
-    lowest, shown, anchor = 1.0, [], None
-    lines = []
+    mine = {int(fits["particles"][k]): k for k in np.nonzero(quantity == name)[0]}
+    # The fit that is drawn is that of the most samples.
+    drawn = max(mine, key=lambda size: (fits["samples"][mine[size]], size), default=None)
+    lowest, shown, lines = 1.0, [], []
     for size in sizes:
-      x = np.sort(values[of == size])
+      # What is blurred by the distance to jamming is left out.
+      least = fits["low"][mine[size]] if size in mine else 0.0
+      x = np.sort(values[(of == size) & (values >= least)])
       if not len(x):
         continue
       y = np.arange(1, len(x) + 1) / len(x)
       lowest = min(lowest, y[0])
       shown.append(x)
-      ax.plot(x, y, color=colours[size], linewidth=1.5, drawstyle="steps-post", zorder=3)
-      mine = (fits["particles"] == size) & (quantity == name)
+      ax.plot(x, y, color=colours[size], linewidth=1.5, drawstyle="steps-post",
+              zorder=4 if size == drawn else 3)
       text = r"$N = %d$" % size
-      if mine.any():
-        k = np.nonzero(mine)[0][0]
-        low, high = fits["low"][k], fits["high"][k]
-        s = 1 + sign * fits["exponent"][k]
-        below, upto = np.mean(x < low), np.mean(x <= high)
-        t = np.geomspace(max(low, x[0]), high, 100)
-        if s != 0:
-          rise = (t**s - (low**s if low > 0 else 0)) / (high**s - (low**s if low > 0 else 0))
-          ax.plot(t, below + (upto - below) * rise, color=INK, linewidth=2.2,
-                  linestyle=(0, (3, 1.5)), zorder=5)
-        text += ":  $%s = %s$" % (symbol, WithError(fits["exponent"][k], fits["error"][k]))
-        anchor = (high, upto)
+      if size in mine:
+        text += ":  $%s = %s$" % (symbol, WithError(fits["exponent"][mine[size]],
+                                                   fits["error"][mine[size]]))
       lines.append((colours[size], text))
     if not shown:
       ax.text(0.5, 0.5, "none", transform=ax.transAxes, ha="center", color=GREY)
       continue
     x_low, x_high = Span(np.concatenate(shown))
-    # The far left is a handful of samples.
     low, high = Span(np.array([lowest, 1.0]))
-    ax.set_xlim(10**x_low, 10**min(x_high, 1.3))
+    ax.set_xlim(10**x_low, 10**x_high)
     ax.set_ylim(10**low, 10**high)
-    Decades(ax.xaxis, x_low, min(x_high, 1.3))
+    Decades(ax.xaxis, x_low, x_high)
     Decades(ax.yaxis, low, high)
-    if anchor:
-      # Three decades of the theory's slope, below the data.
-      end = np.log10(anchor[0]), np.log10(anchor[1]) - 0.075 * (high - low)
-      start = max(x_low, end[0] - 3.2, end[0] - (end[1] - low) / slope)
-      ax.plot([10**start, 10**end[0]], [10**(end[1] + slope * (start - end[0])), 10**end[1]],
+    if drawn is not None:
+      k = mine[drawn]
+      s, least, end = 1 + sign * fits["exponent"][k], fits["low"][k], fits["high"][k]
+      x = values[(of == drawn) & (values >= least)]
+      upto, floor = np.mean(x <= end), least**s if least > 0 else 0.0
+      t = np.geomspace(max(least, x.min()), end, 200)
+      if abs(s) > 1e-6:
+        ax.plot(t, upto * (t**s - floor) / (end**s - floor), color=INK, linewidth=2.0,
+                linestyle=(0, (3, 1.5)), zorder=5)
+      # The slope of the theory, below the data.
+      end, top = math.log10(end), math.log10(upto) - 0.085 * (high - low)
+      start = max(x_low, end - (top - low) / slope)
+      ax.plot([10**start, 10**end], [10**(top + slope * (start - end)), 10**top],
               color=GREY, linewidth=1.4, zorder=2)
-      middle = 0.62 * start + 0.38 * end[0]
-      ax.annotate(r"slope $1 %s %s = %.3f$" % ("+" if sign > 0 else "-", symbol, slope),
-                  (10**middle, 10**(end[1] + slope * (middle - end[0]))), xytext=(10, -6),
-                  textcoords="offset points", ha="left", va="top", color=GREY, fontsize=11)
+    ax.text(0.965, 0.045, r"grey: slope $1 %s %s = %.3f$" %
+            ("+" if sign > 0 else "-", symbol, slope), transform=ax.transAxes,
+            ha="right", color=GREY, fontsize=11)
     for k, (colour, text) in enumerate(lines):
       ax.text(0.04, 0.955 - 0.068 * k, text, transform=ax.transAxes, color=colour,
               fontsize=11, va="top", zorder=6,
@@ -1856,11 +1864,11 @@ def DistributionsFigure(arguments):
                         linewidth=0))
   FinishPanels(axes)
   axes[0, 0].set_ylabel("part of all that are smaller")
-  ReadingHelp(figure, "Cumulative distributions of packings at jamming, of contact forces over "
-              "their mean and of gaps between grains that nearly touch; dashed: power laws by "
-              "maximum likelihood, where they\nfit best, with exponents and their errors in "
-              "units of the last digit.  Grey: what mean-field theory says of the slopes; a "
-              "curve that bends away from its line at the far left has few samples there.")
+  ReadingHelp(figure, "Cumulative distributions of contact forces over their mean and of gaps "
+              "between grains that nearly touch; dashed: the power law of most likelihood, "
+              "on the part that it fits best, the exponent with its error in units of the "
+              "last digit. Grey: the slope that mean-field theory predicts; the steps at the far "
+              "left are single contacts and say little.")
   return figure
 
 
