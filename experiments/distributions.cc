@@ -1,6 +1,7 @@
 #include "experiments/distributions.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace granopt {
 namespace {
@@ -40,22 +41,35 @@ DistributionFits FitDistributions(const std::vector<PackingSamples>& packings) {
   DistributionFits fits;
   std::vector<double> localized, extended, gaps;
   double overlap = 0.0;
+  int grains = 0;
   for (const PackingSamples& p : packings) {
     const JammingSamples& s = p.samples;
     localized.insert(localized.end(), s.localized.begin(), s.localized.end());
     extended.insert(extended.end(), s.extended.begin(), s.extended.end());
     gaps.insert(gaps.end(), s.gaps.begin(), s.gaps.end());
     overlap = std::max(overlap, s.mean_overlap);
+    grains = grains == 0 ? p.particles : std::min(grains, p.particles);
     ++fits.packings;
     fits.bucklers += s.bucklers;
     fits.rigid_grains += s.rigid_grains;
   }
-  fits.localized =
-      ScanPowerLaw(std::move(localized), 0.0, kMostForce, kLeastSamples);
-  fits.extended =
-      ScanPowerLaw(std::move(extended), 0.0, kMostForce, kLeastSamples);
-  fits.gaps =
-      ScanPowerLaw(std::move(gaps), kBlur * overlap, kMostGap, kLeastSamples);
+  if (grains == 0) return fits;
+  fits.blur = kBlur * overlap;
+  const auto least_of = [grains](double slope) {
+    return std::pow(static_cast<double>(grains), -1.0 / slope);
+  };
+  fits.localized = ScanPowerLaw(std::move(localized),
+                                least_of(1.0 + kThetaLocalized),
+                                kMostForce,
+                                kLeastSamples);
+  fits.extended = ScanPowerLaw(std::move(extended),
+                               least_of(1.0 + kThetaExtended),
+                               kMostForce,
+                               kLeastSamples);
+  fits.gaps = ScanPowerLaw(std::move(gaps),
+                           std::max(least_of(1.0 - kGamma), fits.blur),
+                           kMostGap,
+                           kLeastSamples);
   return fits;
 }
 
@@ -127,7 +141,7 @@ std::string GapsCsv(const std::vector<PackingSamples>& packings) {
 }
 
 std::string FitsCsvHeader() {
-  return "particles,quantity,samples,low,high,exponent,error,ks_distance,"
+  return "particles,quantity,samples,blur,low,high,exponent,error,ks_distance,"
          "literature\n";
 }
 
@@ -136,10 +150,11 @@ std::string FitsCsvRows(int particles, const DistributionFits& fits) {
   for (const Quantity& q : kQuantities) {
     const PowerLawFit& fit = fits.*q.fit;
     if (fit.n == 0) continue;
-    csv += Format("%d,%s,%d,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\n",
+    csv += Format("%d,%s,%d,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\n",
                   particles,
                   q.name,
                   fit.n,
+                  q.sign < 0.0 ? fits.blur : 0.0,
                   fit.low,
                   fit.high,
                   q.sign * fit.exponent,

@@ -23,10 +23,15 @@ struct PackingSamples {
 constexpr double kMaxGap = 0.3;
 
 // The fits to packings taken together, by ScanPowerLaw(): forces up to their
-// mean at most, gaps up to 0.1 at most and from kBlur times the largest mean
-// overlap of the packings on, windows of kLeastSamples samples at least.
+// mean at most, gaps up to 0.1 at most, windows of kLeastSamples samples at
+// least. Each begins at N^(-1/s), N the grains of the smallest packing and s
+// the theory's slope of the cumulative distribution: about the least of N
+// samples, below which packings of N grains have too few (finite size:
+// Charbonneau et al., Phys. Rev. E 104 (2021) 014102). Gaps begin at kBlur
+// times the largest mean overlap, if that is more.
 struct DistributionFits {
   PowerLawFit localized, extended, gaps;  // gaps: exponent = -gamma
+  double blur = 0.0;                      // kBlur * mean overlap
   int packings = 0, bucklers = 0, rigid_grains = 0;
 };
 constexpr int kLeastSamples = 100;
@@ -42,8 +47,8 @@ std::string FitsLine(const DistributionFits& fits);
 // particles,seed,kind,force and particles,seed,gap, sorted by value.
 std::string ForcesCsv(const std::vector<PackingSamples>& packings);
 std::string GapsCsv(const std::vector<PackingSamples>& packings);
-// particles,quantity,samples,low,high,exponent,error,ks_distance,literature:
-// a row for each fit; particles 0 for packings of several sizes.
+// particles,quantity,samples,blur,low,high,exponent,error,ks_distance,
+// literature: a row for each fit; what is below `blur` is blurred.
 std::string FitsCsvHeader();
 std::string FitsCsvRows(int particles, const DistributionFits& fits);
 

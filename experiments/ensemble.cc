@@ -567,12 +567,11 @@ int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
   if (std::any_of(members.begin(), members.end(), [](const Member& m) {
         return m.complete;
       })) {
-    output.Plot(
-        {"ensemble",
-         output.Path("ensemble.csv"),
-         output.Path("ensemble"),
-         Format("--dimension=%d", d)},
-        {"ensemble.svg", "ensemble.png"});
+    output.Plot({"ensemble",
+                 output.Path("ensemble.csv"),
+                 output.Path("ensemble"),
+                 Format("--dimension=%d", d)},
+                {"ensemble.svg", "ensemble.png"});
     std::vector<std::string> arguments = {"finite_size",
                                           output.Path("sizes.csv"),
                                           output.Path("finite_size"),

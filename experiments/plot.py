@@ -1660,7 +1660,8 @@ def EnsembleFigure(arguments):
     spread.append(2 * (quartiles[1] - quartiles[0]) / len(values)**(1 / 3))
   # A narrow row wants narrow bins, a wide one wide ones: the geometric mean.
   spread = [value for value in spread if value > 0] or [(high - low) / 20]
-  width_of_bin = max(np.exp(np.mean(np.log(spread))), (high - low) / 80)
+  width_of_bin = np.clip(np.exp(np.mean(np.log(spread))), (high - low) / 80,
+                         (high - low) / 18)
   edges = np.arange(math.floor(low / width_of_bin),
                     math.ceil(high / width_of_bin) + 1) * width_of_bin
   low, high = edges[0], edges[-1]
@@ -1781,8 +1782,8 @@ def DistributionsFigure(arguments):
   """Cumulative, so that nothing is binned; the fit is drawn on its window."""
   forces = ReadTable(arguments.forces, ("particles", "kind", "force"), words=("kind",))
   gaps = ReadTable(arguments.gaps, ("particles", "gap"))
-  fits = ReadTable(arguments.table, ("particles", "quantity", "samples", "low", "high",
-                                     "exponent", "error", "literature"),
+  fits = ReadTable(arguments.table, ("particles", "quantity", "samples", "blur", "low",
+                                     "high", "exponent", "error", "literature"),
                    words=("quantity",))
   sizes = sorted(set(forces["particles"].astype(int)) | set(gaps["particles"].astype(int)))
   if not sizes:
@@ -1817,7 +1818,7 @@ def DistributionsFigure(arguments):
     lowest, shown, lines = 1.0, [], []
     for size in sizes:
       # What is blurred by the distance to jamming is left out.
-      least = fits["low"][mine[size]] if size in mine else 0.0
+      least = fits["blur"][mine[size]] if size in mine else 0.0
       x = np.sort(values[(of == size) & (values >= least)])
       if not len(x):
         continue
@@ -1843,11 +1844,13 @@ def DistributionsFigure(arguments):
     if drawn is not None:
       k = mine[drawn]
       s, least, end = 1 + sign * fits["exponent"][k], fits["low"][k], fits["high"][k]
-      x = values[(of == drawn) & (values >= least)]
-      upto, floor = np.mean(x <= end), least**s if least > 0 else 0.0
+      x = values[(of == drawn) & (values >= fits["blur"][k])]
+      below, upto = np.mean(x < least), np.mean(x <= end)
       t = np.geomspace(max(least, x.min()), end, 200)
       if abs(s) > 1e-6:
-        ax.plot(t, upto * (t**s - floor) / (end**s - floor), color=INK, linewidth=2.0,
+        rise = (t**s - least**s) / (end**s - least**s)
+        # From half a contact on: an empty beginning has no logarithm.
+        ax.plot(t, np.maximum(below, 0.5 / len(x)) * (1 - rise) + upto * rise, color=INK, linewidth=2.0,
                 linestyle=(0, (3, 1.5)), zorder=5)
       # The slope of the theory, below the data.
       end, top = math.log10(end), math.log10(upto) - 0.085 * (high - low)
