@@ -494,7 +494,7 @@ int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
     member.failure = Describe(outcome);
     if (outcome.state == JobOutcome::NOT_STARTED) continue;
     const std::string last = LastLine(jobs[k].log);
-    if (outcome.state != JobOutcome::FAILED_TO_START && !last.empty()) {
+    if (outcome.state == JobOutcome::EXITED && !last.empty()) {
       member.failure += ": " + last;
     }
     std::fprintf(stderr,

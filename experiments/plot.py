@@ -1703,7 +1703,7 @@ def EnsembleFigure(arguments):
   ReadingHelp(figure, "Each tick is the jamming point of one packing; circle, thick and thin "
               "bar: their mean, its standard error, and their standard deviation. "
               "Dashed: %g, the literature\u2019s value for a rapid quench and N \u2192 "
-              "\u221e, to which small packings do not get." % literature)
+              "\u221e; small packings jam below it." % literature)
   return figure
 
 
