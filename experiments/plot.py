@@ -25,6 +25,13 @@
         of `compare --protocol`: what came out of whole protocols
     plot.py conditioning CONDITIONING.csv CONTACT_CHANGES.csv OUT
         condition numbers and contact changes against the distance to jamming
+    plot.py ensemble ENSEMBLE.csv OUT [--dimension=2]
+        of `jamming --seeds`: histograms of phi_J, a row a number of grains
+    plot.py finite_size SIZES.csv OUT [--dimension=2]
+            [--fit=PHI,ERROR,C,ERROR,EXPONENT]
+        mean phi_J against the number of grains, and PHI - C N^-EXPONENT
+    plot.py distributions FORCES.csv GAPS.csv DISTRIBUTIONS.csv OUT
+        cumulative distributions of weak forces and small gaps
 
 Each writes OUT.svg and OUT.png, both or neither. The same input gives the same
 bytes. Bad input or usage: one line on stderr, status 2.
@@ -2049,6 +2056,284 @@ def ShearFigure(arguments):
   return figure
 
 
+# ---------------------------------------------------------------- ensembles
+
+
+# phi_J for N -> infinity and a rapid quench, bidisperse 1:1.4: O'Hern, Silbert, Liu,
+# Nagel, Phys. Rev. E 68 (2003) 011306.
+LITERATURE_PHI = {2: 0.8418, 3: 0.648}
+
+
+def SizeColours(sizes):
+  """The largest number of grains in blue, smaller ones in other colours."""
+  order = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, "#56B4E9", INK, GREY)
+  sizes = sorted(set(int(size) for size in sizes))
+  return {size: order[k % len(order)] for k, size in enumerate(reversed(sizes))}
+
+
+def ReadingHelp(figure, text, left=0.85):
+  """Small print under the figure, broken to its width."""
+  width, height = figure.get_size_inches()
+  lines = textwrap.wrap(text, int(13.2 * (width - left - 0.1)))
+  figure.text(left / width, 0.14 / height, "\n".join(lines), fontsize=10, color=GREY,
+              va="bottom", linespacing=1.45)
+
+
+def WithError(value, error):
+  """0.842(3): the error in units of the last digit; two digits of it below 3.55, the
+  rule of the Particle Data Group."""
+  if not error > 0 or not math.isfinite(error):
+    return "%.5g" % value
+  digits = -math.floor(math.log10(error))
+  if error * 10**digits < 3.55:
+    digits += 1
+  digits = max(0, digits)
+  return "%.*f(%d)" % (digits, value, round(error * 10**digits))
+
+
+def EnsembleFigure(arguments):
+  path = arguments.table
+  table = ReadTable(path, ("particles", "seed", "phi_j", "error"))
+  if not len(table["phi_j"]):
+    raise InputError("%s: no rows" % path)
+  sizes = sorted(set(table["particles"].astype(int)))
+  colours = SizeColours(sizes)
+  literature = LITERATURE_PHI[arguments.dimension]
+  low, high = table["phi_j"].min(), table["phi_j"].max()
+  if low - 0.6 * (high - low) < literature < high + 0.6 * (high - low):
+    low, high = min(low, literature), max(high, literature)
+  air = 0.06 * (high - low) or 1e-3
+  low, high = low - air, high + air
+  row = 1.35 if len(sizes) > 1 else 2.6
+  width, height = 8.2, 1.75 + row * len(sizes)
+  figure, axes = plt.subplots(
+      len(sizes), 1, sharex=True, squeeze=False, figsize=(width, height),
+      gridspec_kw=dict(left=0.85 / width, right=1 - 1.75 / width,
+                       top=1 - 0.3 / height, bottom=1.3 / height, hspace=0.16))
+  # One width of the bins for all, from the rule of Freedman and Diaconis for the
+  # widest row.
+  spread = []
+  for size in sizes:
+    values = table["phi_j"][table["particles"] == size]
+    quartiles = np.percentile(values, [25, 75])
+    spread.append(2 * (quartiles[1] - quartiles[0]) / len(values)**(1 / 3))
+  # A narrow row wants narrow bins, a wide one wide ones: the geometric mean.
+  spread = [value for value in spread if value > 0] or [(high - low) / 20]
+  width_of_bin = np.clip(np.exp(np.mean(np.log(spread))), (high - low) / 80,
+                         (high - low) / 18)
+  edges = np.arange(math.floor(low / width_of_bin),
+                    math.ceil(high / width_of_bin) + 1) * width_of_bin
+  low, high = edges[0], edges[-1]
+  for ax, size in zip(axes[:, 0], sizes):
+    values = table["phi_j"][table["particles"] == size]
+    colour = colours[size]
+    counts, _, _ = ax.hist(values, bins=edges, color=Mix(colour, "#FFFFFF", 0.6),
+                           edgecolor=colour, linewidth=1.0, zorder=2)
+    top = 1.32 * counts.max()
+    ax.plot(values, np.full(len(values), 0.045 * top), "|", color=INK, markersize=7,
+            markeredgewidth=0.9, zorder=4)
+    mean = values.mean()
+    text = r"$N = %d$" % size
+    lines = ["%d packing%s" % (len(values), "" if len(values) == 1 else "s")]
+    if len(values) > 1:
+      deviation = values.std(ddof=1)
+      error = deviation / math.sqrt(len(values))
+      ax.errorbar([mean], [0.9 * top], xerr=[deviation], color=colour, linewidth=1.2,
+                  capsize=3, zorder=5)
+      ax.errorbar([mean], [0.9 * top], xerr=[error], color=colour, linewidth=4.0, zorder=5)
+      lines += [r"$\langle\phi_J\rangle$ = %s" % WithError(mean, error),
+                r"$\sigma$ = %#.2g" % deviation]
+    ax.plot([mean], [0.9 * top], "o", color="white", markeredgecolor=colour,
+            markeredgewidth=1.5, markersize=6, zorder=6)
+    ax.axvline(literature, color=GREY, linewidth=1.1, linestyle=(0, (5, 3)), zorder=1)
+    ax.set_ylim(0, top)
+    ax.set_xlim(low, high)
+    ax.yaxis.set_major_locator(ticker.MaxNLocator(3, integer=True, prune="lower"))
+    ax.grid(True, axis="x", color=PALE, linewidth=0.7)
+    ax.set_axisbelow(True)
+    ax.tick_params(which="both", top=True, right=True)
+    ax.text(1.02, 0.93, text, transform=ax.transAxes, va="top", fontsize=12.5,
+            color=colour, fontweight="bold")
+    ax.text(1.02, 0.7, "\n".join(lines), transform=ax.transAxes, va="top", fontsize=10,
+            color=INK, linespacing=1.35)
+  figure.text(0.28 / width, (1.3 + 0.5 * (height - 1.6)) / height, "packings",
+              rotation=90, ha="center", va="center", fontsize=14)
+  axes[-1, 0].set_xlabel(r"packing fraction at jamming  $\phi_J$")
+  ReadingHelp(figure, "Each tick is the jamming point of one packing; circle, thick and thin "
+              "bar: their mean, its standard error, and their standard deviation. "
+              "Dashed: %g, the literature\u2019s value for a rapid quench and N \u2192 "
+              "\u221e; small packings jam below it." % literature)
+  return figure
+
+
+def FiniteSizeFigure(arguments):
+  path = arguments.table
+  table = ReadTable(path, ("particles", "complete", "phi_j", "standard_deviation",
+                           "standard_error", "least", "most"))
+  if not len(table["phi_j"]):
+    raise InputError("%s: no rows" % path)
+  fit = None
+  if arguments.fit:
+    try:
+      fit = [float(word) for word in arguments.fit.split(",")]
+      if len(fit) != 5 or not np.isfinite(fit).all():
+        raise ValueError
+    except ValueError:
+      raise InputError("--fit=%s: five numbers expected" % arguments.fit)
+  width, height = 7.6, 6.1
+  figure = plt.figure(figsize=(width, height))
+  ax = figure.add_axes([0.95 / width, 1.4 / height, 1 - 1.15 / width, 1 - 1.6 / height])
+  n, mean = table["particles"], table["phi_j"]
+  first, last = n.min() / 1.45, n.max() * 1.9
+  ax.set_xscale("log")
+  ax.set_xlim(first, last)
+  literature = LITERATURE_PHI[arguments.dimension]
+  ax.axhline(literature, color=GREY, linewidth=1.3, linestyle=(0, (5, 3)), zorder=1)
+  ax.annotate("%g" % literature, (0.012, literature), xycoords=("axes fraction", "data"),
+              xytext=(0, -3), textcoords="offset points", va="top", color=GREY, fontsize=11)
+  ax.vlines(n, table["least"], table["most"], color=Mix(BLUE, "#FFFFFF", 0.55),
+            linewidth=1.2, zorder=2)
+  ax.vlines(n, mean - table["standard_deviation"], mean + table["standard_deviation"],
+            color=Mix(BLUE, "#FFFFFF", 0.55), linewidth=5.0, zorder=2)
+  ax.errorbar(n, mean, yerr=table["standard_error"], color=BLUE, linestyle="", marker="o",
+              markersize=7, capsize=4, linewidth=1.8, zorder=5)
+  if fit:
+    phi, error, c, c_error, exponent = fit
+    x = np.geomspace(first, last, 200)
+    ax.plot(x, phi - c * x**-exponent, color=VERMILION, linewidth=1.7, zorder=4)
+    ax.axhspan(phi - error, phi + error, color=VERMILION, alpha=0.13, linewidth=0, zorder=0)
+    ax.text(0.97, 0.07, r"$\phi_J(N) = %s - %s\,N^{-%.3g}$" %
+            (WithError(phi, error), WithError(c, c_error), exponent),
+            transform=ax.transAxes, ha="right", color=VERMILION, fontsize=13.5)
+  low, high = table["least"].min(), table["most"].max()
+  low, high = min(low, literature), max(high, literature)
+  ax.set_ylim(low - 0.05 * (high - low), high + 0.08 * (high - low))
+  ax.set_xticks(n)
+  ax.xaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: "%d" % round(value)))
+  ax.xaxis.set_minor_locator(ticker.NullLocator())
+  ax.set_xlabel("grains  $N$")
+  ax.set_ylabel(r"packing fraction at jamming  $\phi_J$")
+  ax.grid(True, color=PALE, linewidth=0.7)
+  ax.set_axisbelow(True)
+  ax.tick_params(which="both", top=True, right=True)
+  counts = sorted(set(table["complete"].astype(int)))
+  ReadingHelp(figure, "Points: means over %s packings with their standard errors; wide bars: "
+              "standard deviation, thin ones: least to largest. %s" %
+              ("%d" % counts[0] if len(counts) == 1 else "%d to %d" % (counts[0], counts[-1]),
+               "Red: the fit, whose exponent is the literature\u2019s, and (band) where it "
+               "ends for N \u2192 \u221e; dashed: where the literature says a rapid quench "
+               "does." if fit else
+               "Dashed: the literature\u2019s value for a rapid quench and N \u2192 \u221e."),
+              left=0.95)
+  return figure
+
+
+# Of DISTRIBUTIONS.csv: what a panel shows.
+QUANTITIES = (
+    ("theta_localized", "weak forces of bucklers", r"$f\,/\,\langle f\rangle$",
+     r"\theta_\ell", 1),
+    ("theta_extended", "weak forces of all others", r"$f\,/\,\langle f\rangle$",
+     r"\theta_e", 1),
+    ("gamma", "small gaps", r"gap  $h\,/\,(r_i + r_j)$", r"\gamma", -1))
+
+
+def DistributionsFigure(arguments):
+  """Cumulative, so that nothing is binned; the fit is drawn on its window."""
+  forces = ReadTable(arguments.forces, ("particles", "kind", "force"), words=("kind",))
+  gaps = ReadTable(arguments.gaps, ("particles", "gap"))
+  fits = ReadTable(arguments.table, ("particles", "quantity", "samples", "blur", "low",
+                                     "high", "exponent", "error", "literature"),
+                   words=("quantity",))
+  sizes = sorted(set(forces["particles"].astype(int)) | set(gaps["particles"].astype(int)))
+  if not sizes:
+    raise InputError("%s: no rows" % arguments.forces)
+  colours = SizeColours(sizes)
+  kind = np.array(forces["kind"])
+  quantity = np.array(fits["quantity"])
+  theory = dict(theta_localized=0.17462, theta_extended=0.42311, gamma=0.41269)
+  panels = {
+      "theta_localized": (forces["particles"][kind == "localized"],
+                          forces["force"][kind == "localized"]),
+      "theta_extended": (forces["particles"][kind == "extended"],
+                         forces["force"][kind == "extended"]),
+      "gamma": (gaps["particles"], gaps["gap"])}
+  width, height = 14.4, 6.1
+  figure, axes = plt.subplots(
+      1, 3, squeeze=False, figsize=(width, height),
+      gridspec_kw=dict(left=0.85 / width, right=1 - 0.3 / width, top=1 - 0.45 / height,
+                       bottom=1.3 / height, wspace=0.2))
+  for ax, (name, title, label, symbol, sign) in zip(axes[0], QUANTITIES):
+    of, values = panels[name]
+    good = values > 0
+    of, values = of[good], values[good]
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_title(title, loc="left", pad=7)
+    ax.set_xlabel(label)
+    slope = 1 + sign * theory[name]
+    mine = {int(fits["particles"][k]): k for k in np.nonzero(quantity == name)[0]}
+    # The fit that is drawn is that of the most samples.
+    drawn = max(mine, key=lambda size: (fits["samples"][mine[size]], size), default=None)
+    lowest, shown, lines = 1.0, [], []
+    for size in sizes:
+      # What is blurred by the distance to jamming is left out.
+      least = fits["blur"][mine[size]] if size in mine else 0.0
+      x = np.sort(values[(of == size) & (values >= least)])
+      if not len(x):
+        continue
+      y = np.arange(1, len(x) + 1) / len(x)
+      lowest = min(lowest, y[0])
+      shown.append(x)
+      ax.plot(x, y, color=colours[size], linewidth=1.5, drawstyle="steps-post",
+              zorder=4 if size == drawn else 3)
+      text = r"$N = %d$" % size
+      if size in mine:
+        text += ":  $%s = %s$" % (symbol, WithError(fits["exponent"][mine[size]],
+                                                   fits["error"][mine[size]]))
+      lines.append((colours[size], text))
+    if not shown:
+      ax.text(0.5, 0.5, "none", transform=ax.transAxes, ha="center", color=GREY)
+      continue
+    x_low, x_high = Span(np.concatenate(shown))
+    low, high = Span(np.array([lowest, 1.0]))
+    ax.set_xlim(10**x_low, 10**x_high)
+    ax.set_ylim(10**low, 10**high)
+    Decades(ax.xaxis, x_low, x_high)
+    Decades(ax.yaxis, low, high)
+    if drawn is not None:
+      k = mine[drawn]
+      s, least, end = 1 + sign * fits["exponent"][k], fits["low"][k], fits["high"][k]
+      x = values[(of == drawn) & (values >= fits["blur"][k])]
+      below, upto = np.mean(x < least), np.mean(x <= end)
+      t = np.geomspace(max(least, x.min()), end, 200)
+      if abs(s) > 1e-6:
+        rise = (t**s - least**s) / (end**s - least**s)
+        # From half a contact on: an empty beginning has no logarithm.
+        ax.plot(t, np.maximum(below, 0.5 / len(x)) * (1 - rise) + upto * rise, color=INK, linewidth=2.0,
+                linestyle=(0, (3, 1.5)), zorder=5)
+      # The slope of the theory, below the data.
+      end, top = math.log10(end), math.log10(upto) - 0.085 * (high - low)
+      start = max(x_low, end - (top - low) / slope)
+      ax.plot([10**start, 10**end], [10**(top + slope * (start - end)), 10**top],
+              color=GREY, linewidth=1.4, zorder=2)
+    ax.text(0.965, 0.045, r"grey: slope $1 %s %s = %.3f$" %
+            ("+" if sign > 0 else "-", symbol, slope), transform=ax.transAxes,
+            ha="right", color=GREY, fontsize=11)
+    for k, (colour, text) in enumerate(lines):
+      ax.text(0.04, 0.955 - 0.068 * k, text, transform=ax.transAxes, color=colour,
+              fontsize=11, va="top", zorder=6,
+              bbox=dict(boxstyle="square,pad=0.12", facecolor="white", alpha=0.85,
+                        linewidth=0))
+  FinishPanels(axes)
+  axes[0, 0].set_ylabel("part of all that are smaller")
+  ReadingHelp(figure, "Cumulative distributions of contact forces over their mean and of gaps "
+              "between grains that nearly touch; dashed: the power law of most likelihood, "
+              "on the part that it fits best, the exponent with its error in units of the "
+              "last digit. Grey: the slope that mean-field theory predicts; the steps at the far "
+              "left are single contacts and say little.")
+  return figure
+
+
 # ---------------------------------------------------------------- output
 
 
@@ -2152,6 +2437,20 @@ def Arguments(words):
   command.add_argument("changes")
   command.add_argument("out")
   command.set_defaults(figure=ConditioningFigure)
+  for name, figure in (("ensemble", EnsembleFigure), ("finite_size", FiniteSizeFigure)):
+    command = commands.add_parser(name)
+    command.add_argument("table")
+    command.add_argument("out")
+    command.add_argument("--dimension", type=int, choices=(2, 3), default=2)
+    if name == "finite_size":
+      command.add_argument("--fit", default="")
+    command.set_defaults(figure=figure)
+  command = commands.add_parser("distributions")
+  command.add_argument("forces")
+  command.add_argument("gaps")
+  command.add_argument("table")
+  command.add_argument("out")
+  command.set_defaults(figure=DistributionsFigure)
   return parser.parse_args(words)
 
 
