@@ -430,8 +430,9 @@ int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
       job.arguments.insert(
           job.arguments.end(), ensemble.passed.begin(), ensemble.passed.end());
       Json json;
-      const bool complete = ensemble.resume && ReadSummary(folder, &json) &&
-                            IsOf(json, job.arguments);
+      const bool ended = ReadSummary(folder, &json);
+      const bool complete =
+          ensemble.resume && ended && IsOf(json, job.arguments);
       if (complete) {
         ++reused;
       } else {
@@ -442,7 +443,9 @@ int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
         // What an earlier run left behind must not be taken for the result of
         // one that did not get that far.
         std::remove((folder + "/summary.json").c_str());
-        if (ensemble.resume) job.arguments.push_back("--resume");
+        // A run that ended was one with other flags: there is nothing to go on
+        // from.
+        if (ensemble.resume && !ended) job.arguments.push_back("--resume");
         member_of_job.push_back(members.size());
         jobs.push_back(job);
       }
