@@ -6,6 +6,7 @@
 //           --out=DIR [--resume]
 //   compare --cases=near_jamming=1e-6,near_jamming=0.3x --steps=10
 //           --reference=LABEL ...
+//   compare --protocol=jamming|shear ...      (compare_protocol.cc)
 //   compare --replot=DIR
 //
 // Raw events first (events.csv, runs.csv, curves.csv; steps.csv of chains of
@@ -13,6 +14,8 @@
 // again. Times are CPU seconds of
 // Minimize() alone; preparing the packings and measuring the results is not in
 // them.
+
+#include "experiments/compare.h"
 
 #include <sys/stat.h>
 
@@ -32,6 +35,8 @@
 
 #include "experiments/comparison.h"
 #include "experiments/preparation.h"
+#include "experiments/profiles.h"
+#include "experiments/protocols.h"
 #include "experiments/run.h"
 #include "experiments/scene.h"
 #include "granular/atomic_file.h"
@@ -125,6 +130,26 @@ constexpr char kFig2Solvers[] =
     "FR-CG@ncg:beta=fr;"
     "P-FR-CG@ncg:beta=fr,preconditioner=laplacian";
 
+// ---------------------------------------------------------------- figures
+
+// The files of the figures of that many cases.
+void AddPictures(int cases, std::vector<std::string>* names) {
+  const auto add = [names](const std::string& base) {
+    names->push_back(base + ".svg");
+    names->push_back(base + ".png");
+  };
+  for (int page = 1; (page - 1) * kCasesPerFigure < cases; ++page) {
+    add(page == 1 ? "curves" : Format("curves_%d", page));
+    add(page == 1 ? "work" : Format("work_%d", page));
+  }
+  add("profile");
+  add("quality");
+  add("distances");
+  add("distances_non_rearranging");
+}
+
+}  // namespace
+
 double CpuSeconds() {
   std::timespec now;
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
@@ -138,21 +163,56 @@ double WallSeconds() {
       .count();
 }
 
-// ---------------------------------------------------------------- figures
-
-// The files of the figures of that many cases.
-void AddPictures(int cases, std::vector<std::string>* names) {
-  const auto add = [names](const std::string& base) {
-    names->push_back(base + ".svg");
-    names->push_back(base + ".png");
-  };
-  for (int page = 1; (page - 1) * kCasesPerFigure < cases; ++page) {
-    add(page == 1 ? "curves" : Format("curves_%d", page));
-    add(page == 1 ? "work" : Format("work_%d", page));
-  }
-  add("distances");
-  add("distances_non_rearranging");
+bool Exists(const std::string& path) {
+  struct stat status;
+  return stat(path.c_str(), &status) == 0;
 }
+
+std::string LabelOf(const std::vector<Method>& methods,
+                    const char* flag,
+                    const std::string& value) {
+  std::string known;
+  for (const Method& method : methods) {
+    if (method.label == value || method.spec == value) return method.label;
+    known += (known.empty() ? "" : "; ") + method.label;
+  }
+  BadInput(std::string("--") + flag + ": no method is labelled '" + value +
+           "'; there are " + known);
+}
+
+void WriteProfiles(const ComparisonProfiles& profiles, Output* output) {
+  const auto write = [output](const char* name, const std::string& csv) {
+    const std::string file = std::string(name) + ".csv";
+    output->Write(file, csv);
+    output->Plot({name, output->Path(file), output->Path(name)},
+                 {std::string(name) + ".svg", std::string(name) + ".png"});
+  };
+  if (!profiles.profiles.empty()) {
+    write("profile", ProfilesCsv(profiles.profiles));
+  }
+  if (!profiles.qualities.empty()) {
+    write("quality", QualitiesCsv(profiles.qualities));
+  }
+}
+
+std::vector<std::string> ComparisonFiles(bool raw) {
+  std::vector<std::string> names = {"tables.csv",
+                                    "tables.md",
+                                    "step_tables.csv",
+                                    "basins.csv",
+                                    "profile.csv",
+                                    "quality.csv",
+                                    "summary.json"};
+  AddPictures(kMostCases, &names);
+  if (raw) {
+    names.insert(
+        names.end(),
+        {"setup.json", "events.csv", "runs.csv", "curves.csv", "steps.csv"});
+  }
+  return names;
+}
+
+namespace {
 
 // `data`: the folder of the raw files; figures go to the folder of `output`.
 void Draw(const ComparisonSetup& setup,
@@ -209,11 +269,6 @@ void Draw(const ComparisonSetup& setup,
   }
 }
 
-bool Exists(const std::string& path) {
-  struct stat status;
-  return stat(path.c_str(), &status) == 0;
-}
-
 struct Raw {
   std::vector<Event> events;
   std::vector<RunRecord> runs;
@@ -249,10 +304,14 @@ std::vector<Table> Report(const ComparisonSetup& setup,
   const std::vector<StepTable> steps =
       TabulateSteps(setup, raw.events, runs, raw.steps);
   const std::vector<BasinRow> basins = TabulateBasins(setup, runs, raw.steps);
+  const ComparisonProfiles profiles =
+      MakeComparisonProfiles(setup, raw.events, runs);
   const auto text = [&](bool markdown) {
     return TablesText(setup, tables, runs, markdown) + (markdown ? "\n" : "") +
            StepTablesText(setup, steps, raw.steps, markdown) +
-           BasinsText(setup, basins, markdown);
+           BasinsText(setup, basins, markdown) +
+           ProfilesText(profiles.profiles, markdown) +
+           QualitiesText(profiles.qualities, markdown);
   };
   output->Write("tables.csv", TablesCsv(tables));
   if (!steps.empty()) output->Write("step_tables.csv", StepTablesCsv(steps));
@@ -260,6 +319,7 @@ std::vector<Table> Report(const ComparisonSetup& setup,
   output->Write("tables.md", text(true));
   std::fputs(text(false).c_str(), stdout);
   Draw(setup, steps, data, output);
+  WriteProfiles(profiles, output);
   int converged = 0;
   for (const RunRecord& run : runs) converged += run.converged ? 1 : 0;
   std::printf("\n%d of %zu runs converged\n", converged, runs.size());
@@ -276,27 +336,14 @@ bool GivenLevel(Level* level) {
   return IsGiven("tolerance");
 }
 
-// The label that a flag names, by itself or by its spec.
-std::string LabelOf(const ComparisonSetup& setup,
-                    const char* flag,
-                    const std::string& value) {
-  std::string known;
-  for (const Method& method : setup.methods) {
-    if (method.label == value || method.spec == value) return method.label;
-    known += (known.empty() ? "" : "; ") + method.label;
-  }
-  BadInput(std::string("--") + flag + ": no method is labelled '" + value +
-           "'; there are " + known);
-}
-
 void SetBaselineAndReference(ComparisonSetup* setup) {
   if (IsGiven("baseline")) {
-    setup->baseline = LabelOf(*setup, "baseline", FLAGS_baseline);
+    setup->baseline = LabelOf(setup->methods, "baseline", FLAGS_baseline);
   } else if (setup->baseline.empty()) {
     setup->baseline = setup->methods[0].label;
   }
   if (IsGiven("reference")) {
-    setup->reference = LabelOf(*setup, "reference", FLAGS_reference);
+    setup->reference = LabelOf(setup->methods, "reference", FLAGS_reference);
   }
 }
 
@@ -321,7 +368,13 @@ int Replot() {
                            "dimension",
                            "alpha",
                            "smoke",
-                           "zero_pressure"}) {
+                           "zero_pressure",
+                           "tolerances",
+                           "phi_init",
+                           "dphi",
+                           "epsilon",
+                           "strain",
+                           "strain_steps"}) {
     if (IsGiven(flag)) {
       BadInput(std::string("--") + flag + " cannot go with --replot");
     }
@@ -329,8 +382,14 @@ int Replot() {
   std::string data = FLAGS_replot, text, error;
   while (data.size() > 1 && data.back() == '/') data.pop_back();
   ComparisonSetup setup;
-  if (!ReadFile(data + "/setup.json", &text, &error) ||
-      !ParseSetup(text, data + "/setup.json", &setup, &error)) {
+  if (!ReadFile(data + "/setup.json", &text, &error)) {
+    BadInput("--replot: " + error);
+  }
+  if (IsProtocolSetup(text)) return ReplotProtocols(data, text);
+  if (IsGiven("protocol")) {
+    BadInput("--replot: " + data + " is of no protocol");
+  }
+  if (!ParseSetup(text, data + "/setup.json", &setup, &error)) {
     BadInput("--replot: " + error);
   }
   Level level;
@@ -350,9 +409,10 @@ int Replot() {
   }
   SetBaselineAndReference(&setup);
   const Raw raw = ReadRaw(data);
-  std::vector<std::string> names = {
-      "tables.csv", "tables.md", "step_tables.csv", "basins.csv"};
-  AddPictures(kMostCases, &names);
+  std::vector<std::string> names = ProtocolFiles(/*raw=*/false);
+  for (const std::string& name : ComparisonFiles(/*raw=*/false)) {
+    if (name != "summary.json") names.push_back(name);
+  }
   Output output;
   output.Create(IsGiven("out") ? FLAGS_out : data, names);
   std::printf("compare   tables and figures of %s again\n", data.c_str());
@@ -1156,21 +1216,24 @@ int Main() {
     if (FLAGS_replot.empty()) BadInput("--replot= is empty");
     return Replot();
   }
+  if (IsGiven("protocol")) return CompareProtocols();
+  for (const char* flag : {"tolerances",
+                           "phi_init",
+                           "dphi",
+                           "epsilon",
+                           "strain",
+                           "strain_steps"}) {
+    if (IsGiven(flag)) {
+      BadInput(std::string("--") + flag + " needs --protocol");
+    }
+  }
   const Plan plan = MakePlan();
   Raw before;
   const bool resumed = FLAGS_resume && ReadInterrupted(plan, &before);
-  std::vector<std::string> names = {"tables.csv",
-                                    "tables.md",
-                                    "step_tables.csv",
-                                    "basins.csv",
-                                    "summary.json"};
-  if (!resumed) {
-    for (const char* raw :
-         {"setup.json", "events.csv", "runs.csv", "curves.csv", "steps.csv"}) {
-      names.push_back(raw);
-    }
+  std::vector<std::string> names = ComparisonFiles(/*raw=*/!resumed);
+  for (const std::string& name : ProtocolFiles(/*raw=*/!resumed)) {
+    names.push_back(name);
   }
-  AddPictures(kMostCases, &names);
   Output output;
   output.Create(FLAGS_out, names);
   PrintPlan(plan);

@@ -9,6 +9,7 @@
 #include <set>
 #include <tuple>
 
+#include "experiments/tabular.h"
 #include "solvers/format.h"
 
 namespace granopt {
@@ -18,11 +19,6 @@ using Json = nlohmann::ordered_json;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
-bool Fail(const std::string& line, std::string* error) {
-  *error = line;
-  return false;
-}
 
 std::string Trimmed(const std::string& text) {
   const std::size_t first = text.find_first_not_of(' ');
@@ -40,18 +36,6 @@ std::vector<std::string> Split(const std::string& text, char separator) {
   }
   for (std::string& part : parts) part = Trimmed(part);
   return parts;
-}
-
-bool ParseDouble(const std::string& text, double* value) {
-  char* end = nullptr;
-  *value = std::strtod(text.c_str(), &end);
-  return !text.empty() && *end == '\0';
-}
-
-bool ParseInteger(const std::string& text, std::int64_t* value) {
-  char* end = nullptr;
-  *value = std::strtoll(text.c_str(), &end, 10);
-  return !text.empty() && *end == '\0';
 }
 
 struct Kind {
@@ -98,130 +82,6 @@ std::string Meaning(const Level& level) {
 
 // ---------------------------------------------------------------- CSV
 
-std::string Field(const std::string& text) {
-  if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) {
-    if (c == '"') quoted += '"';
-    quoted += c;
-  }
-  return quoted + "\"";
-}
-
-std::string Number(double value) { return Format("%.17g", value); }
-std::string Number(std::int64_t value) {
-  return Format("%lld", static_cast<long long>(value));
-}
-
-// Reads rows by the names of their columns.
-class CsvReader {
- public:
-  CsvReader(const std::string& text, const std::string& name)
-      : text_(text), name_(name) {}
-
-  // The header.
-  bool Begin(std::string* error) {
-    std::vector<std::string> names;
-    if (!Next(&names)) return Fail(name_ + ": empty", error);
-    for (std::size_t k = 0; k < names.size(); ++k) columns_[names[k]] = k;
-    return true;
-  }
-
-  // The next row; false at the end.
-  bool Row() {
-    while (Next(&row_)) {
-      if (row_.size() > 1 || !row_[0].empty()) return true;
-    }
-    return false;
-  }
-
-  bool Has(const char* column) const { return columns_.count(column) > 0; }
-
-  void Read(const char* column, std::string* value) {
-    const auto found = columns_.find(column);
-    if (found == columns_.end()) {
-      Complain(1, std::string("no column ") + column);
-    } else if (found->second >= row_.size()) {
-      Complain(
-          line_,
-          Format("%zu columns, expected %zu", row_.size(), columns_.size()));
-    } else {
-      *value = row_[found->second];
-    }
-  }
-  void Read(const char* column, double* value) {
-    std::string text;
-    Read(column, &text);
-    if (!ParseDouble(text, value)) NotNumber(column, text);
-  }
-  void Read(const char* column, std::int64_t* value) {
-    std::string text;
-    Read(column, &text);
-    if (!ParseInteger(text, value)) NotNumber(column, text);
-  }
-  void Read(const char* column, int* value) {
-    std::int64_t wide = 0;
-    Read(column, &wide);
-    *value = static_cast<int>(wide);
-  }
-  void Read(const char* column, std::uint64_t* value) {
-    std::string text;
-    Read(column, &text);
-    char* end = nullptr;
-    *value = std::strtoull(text.c_str(), &end, 10);
-    if (text.empty() || *end != '\0') NotNumber(column, text);
-  }
-  void Complain(const std::string& what) { Complain(line_, what); }
-
-  // The first complaint.
-  const std::string& error() const { return error_; }
-
- private:
-  void NotNumber(const char* column, const std::string& text) {
-    Complain(line_, std::string(column) + ": '" + text + "' is not a number");
-  }
-  void Complain(int line, const std::string& what) {
-    if (error_.empty()) error_ = Format("%s:%d: ", name_.c_str(), line) + what;
-  }
-
-  bool Next(std::vector<std::string>* fields) {
-    if (at_ >= text_.size()) return false;
-    ++line_;
-    fields->assign(1, "");
-    bool quoted = false;
-    for (; at_ < text_.size(); ++at_) {
-      const char c = text_[at_];
-      if (quoted) {
-        if (c != '"') {
-          fields->back() += c;
-        } else if (at_ + 1 < text_.size() && text_[at_ + 1] == '"') {
-          fields->back() += text_[++at_];
-        } else {
-          quoted = false;
-        }
-      } else if (c == '"') {
-        quoted = true;
-      } else if (c == ',') {
-        fields->emplace_back();
-      } else if (c == '\n') {
-        ++at_;
-        return true;
-      } else if (c != '\r') {
-        fields->back() += c;
-      }
-    }
-    return true;
-  }
-
-  const std::string& text_;
-  const std::string name_;
-  std::size_t at_ = 0;
-  int line_ = 0;
-  std::map<std::string, std::size_t> columns_;
-  std::vector<std::string> row_;
-  std::string error_;
-};
-
 std::string KeyFields(const RunKey& key) {
   return Field(key.case_id) + "," +
          Format("%llu,%d,%d,",
@@ -242,6 +102,8 @@ void ReadKey(CsvReader* reader, RunKey* key) {
   reader->Read("spec", &key->spec);
 }
 
+}  // namespace
+
 std::string WorkFields(const Work& work) {
   return Number(work.iterations) + "," + Number(work.evaluations) + "," +
          Number(work.hessians) + "," + Number(work.factorizations) + "," +
@@ -251,7 +113,7 @@ std::string WorkFields(const Work& work) {
                 work.function_share,
                 work.linear_share);
 }
-constexpr char kWorkColumns[] =
+const char kWorkColumns[] =
     "iterations,evaluations,hessians,factorizations,solves,linear_iterations,"
     "cpu_seconds,function_share,linear_share";
 
@@ -267,70 +129,9 @@ void ReadWork(CsvReader* reader, Work* work) {
   reader->Read("linear_share", &work->linear_share);
 }
 
-// ---------------------------------------------------------------- text
-
-// Characters, not bytes.
-int Width(const std::string& text) {
-  int width = 0;
-  for (const char c : text) width += (static_cast<unsigned char>(c) >> 6) != 2;
-  return width;
-}
-
-// The first `names` columns to the left, the others to the right, but for the
-// last `words` ones.
-std::string Grid(const std::vector<std::vector<std::string>>& rows,
-                 int words,
-                 bool markdown,
-                 int names = 1) {
-  const int columns = static_cast<int>(rows[0].size());
-  std::vector<int> width(columns, 0);
-  for (const auto& row : rows) {
-    for (int c = 0; c < columns; ++c) {
-      width[c] = std::max(width[c], Width(row[c]));
-    }
-  }
-  std::string text;
-  for (std::size_t r = 0; r < rows.size(); ++r) {
-    std::string line = markdown ? "|" : "   ";
-    for (int c = 0; c < columns; ++c) {
-      const std::string& word = rows[r][c];
-      if (markdown) {
-        line += " ";
-        for (const char ch : word)
-          line += ch == '|' ? "\\|" : std::string(1, ch);
-        line += " |";
-        continue;
-      }
-      const std::string air(width[c] - Width(word), ' ');
-      const bool left = c < names || c >= columns - words;
-      line += (c == 0 ? " " : "  ") + (left ? word + air : air + word);
-    }
-    text += line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
-    if (markdown && r == 0) {
-      text += "|";
-      for (int c = 0; c < columns; ++c) {
-        text += c < names || c >= columns - words ? " --- |" : " ---: |";
-      }
-      text += "\n";
-    }
-  }
-  return text;
-}
-
-std::string Count(double value) {
-  return std::isinf(value) ? "never" : Format("%.0f", value);
-}
-std::string Seconds(double value) {
-  return std::isinf(value) ? "never" : Format("%.3g", value);
-}
-std::string Ratio(double value) {
-  return std::isinf(value) ? "never"
-                           : Format(value < 0.095 ? "%.2g" : "%.2f", value);
-}
-
-// "2015", "2015 (1980-2100)", ">5000" if the median run never got there.
-template <typename Print>
-std::string Spread(const Quantiles& q, double spent, const Print& print) {
+std::string Spread(const Quantiles& q,
+                   double spent,
+                   const std::function<std::string(double)>& print) {
   if (std::isnan(q.median)) return "-";
   if (std::isinf(q.median)) {
     return std::isnan(spent) ? "-" : ">" + print(spent);
@@ -343,7 +144,6 @@ std::string Spread(const Quantiles& q, double spent, const Print& print) {
   return middle + " (" + low + "-" + high + ")";
 }
 
-// "A", or "A 2, B 1" with the number of runs.
 std::string Tally(const std::vector<std::string>& words) {
   std::map<std::string, int> count;
   for (const std::string& word : words) ++count[word];
@@ -355,6 +155,8 @@ std::string Tally(const std::vector<std::string>& words) {
   }
   return text;
 }
+
+namespace {
 
 std::string EndOf(const RunRecord& run) {
   if (run.stop_reason == StopReasonName(StopReason::CONVERGED)) {
@@ -1327,6 +1129,49 @@ std::vector<Table> Tabulate(const ComparisonSetup& setup,
     }
   }
   return tables;
+}
+
+Problems CollectProblems(const ComparisonSetup& setup,
+                         const std::vector<Event>& events,
+                         const std::vector<RunRecord>& runs) {
+  const RunIndex index(events, runs);
+  Problems problems;
+  problems.methods = setup.methods;
+  for (const Case& c : setup.cases) {
+    for (const std::uint64_t seed : setup.seeds) {
+      for (int step = 1; step <= StepsOf(setup, c); ++step) {
+        std::vector<double> evaluations, seconds, energies;
+        std::vector<std::string> minima;
+        for (const Method& method : setup.methods) {
+          std::vector<double> counts, times;
+          for (int r = 1; r <= setup.repetitions; ++r) {
+            const RunRecord* run =
+                index.Find(c.id, method.label, seed, step, r);
+            if (run == nullptr) continue;
+            const Work* work = index.Reached(*run, setup.levels[0]);
+            counts.push_back(work == nullptr
+                                 ? kInfinity
+                                 : static_cast<double>(work->evaluations));
+            times.push_back(work == nullptr ? kInfinity : work->cpu_seconds);
+          }
+          // Not run: such a problem is left out.
+          if (counts.empty()) break;
+          evaluations.push_back(Median(counts));
+          seconds.push_back(Median(times));
+          const RunRecord* first =
+              index.Find(c.id, method.label, seed, step, 1);
+          energies.push_back(first == nullptr ? kNan : first->energy);
+          minima.push_back(first == nullptr ? "-" : first->minimum);
+        }
+        if (evaluations.size() < setup.methods.size()) continue;
+        problems.evaluations.push_back(evaluations);
+        problems.cpu_seconds.push_back(seconds);
+        problems.energies.push_back(energies);
+        problems.minima.push_back(minima);
+      }
+    }
+  }
+  return problems;
 }
 
 MedianWorst MedianAndWorst(const std::vector<double>& values) {

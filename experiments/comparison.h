@@ -11,10 +11,12 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "experiments/tabular.h"
 #include "nlohmann/json.hpp"
 #include "solvers/solver.h"
 
@@ -142,6 +144,10 @@ Work MakeWork(const Counters& counters,
               double seconds,
               double function_seconds,
               double linear_seconds);
+// Columns of CSV files.
+extern const char kWorkColumns[];
+std::string WorkFields(const Work& work);
+void ReadWork(CsvReader* reader, Work* work);
 
 struct Event {
   RunKey key;
@@ -320,6 +326,13 @@ struct Quantiles {
 // Of values that may be infinite (a run that never got there); linear between
 // neighbours. NaN without values.
 Quantiles QuantilesOf(std::vector<double> values);
+// "2015", "2015 (1980-2100)"; ">5000" (spent) if the median run never got
+// there.
+std::string Spread(const Quantiles& q,
+                   double spent,
+                   const std::function<std::string(double)>& print);
+// "A", or "A 2, B 1" with the number of runs.
+std::string Tally(const std::vector<std::string>& words);
 
 // The paper's Table 1.
 struct PaperEntry {
@@ -361,6 +374,19 @@ struct Table {
 std::vector<Table> Tabulate(const ComparisonSetup& setup,
                             const std::vector<Event>& events,
                             const std::vector<RunRecord>& runs);
+
+// What profiles are made of: each case, seed and step in which every method was
+// run is a problem; [problem][method], methods in the order of the setup. Costs
+// are those of the first level, medians over repetitions, infinite if it was
+// not reached; energies and minima those at the end of the first repetition.
+struct Problems {
+  std::vector<Method> methods;
+  std::vector<std::vector<double>> evaluations, cpu_seconds, energies;
+  std::vector<std::vector<std::string>> minima;
+};
+Problems CollectProblems(const ComparisonSetup& setup,
+                         const std::vector<Event>& events,
+                         const std::vector<RunRecord>& runs);
 
 // Shear steps of one method in one case at one level. A step's number is the
 // median of its repetitions; one that never got there is infinitely expensive.

@@ -2,7 +2,8 @@
 // dphi until the packing is over-compressed, and a decompression along the
 // jammed branch that brings the error bar below --error_bar and goes on until
 // no contact opens. --paper: Algorithm 1 of Wang & Zhang (sec. 2.4) as
-// published, growth and bisection to epsilon.
+// published, growth and bisection to epsilon. --seeds: the same for many
+// packings, as processes of their own (ensemble.h).
 
 #include "granular/jamming.h"
 
@@ -14,6 +15,8 @@
 
 #include "experiments/certificate.h"
 #include "experiments/checkpoint.h"
+#include "experiments/distributions.h"
+#include "experiments/ensemble.h"
 #include "experiments/run.h"
 #include "experiments/scene.h"
 #include "granular/packing_io.h"
@@ -48,7 +51,8 @@ DEFINE_bool(paper,
             "Algorithm 1 as published: --overcompression=0 --error_bar=0");
 DEFINE_bool(resume,
             false,
-            "go on with an interrupted run in --out from its last checkpoint");
+            "go on with an interrupted run in --out from its last checkpoint; "
+            "with --seeds: and do not run again what is complete");
 
 namespace granopt {
 namespace {
@@ -159,6 +163,8 @@ void ReadCheckpoint(const Checkpoint& checkpoint,
 }
 
 int Main() {
+  // Before defaults are changed: what the user gave goes to every child.
+  const Ensemble ensemble = ReadEnsembleFlags();
   CheckFlags();
   const double phi_random = FLAGS_dimension == 3 ? 0.58 : 0.80;
   Scene scene =
@@ -172,19 +178,22 @@ int Main() {
                             ? std::min(FLAGS_epsilon, FLAGS_error_bar)
                             : FLAGS_epsilon;
 
+  if (ensemble.asked) return RunEnsemble(ensemble, scene.energy);
+
   Output output;
-  std::vector<std::string> names = WithCertificateFiles({"summary.json",
-                                                         "packing.xyz",
-                                                         "contacts.csv",
-                                                         "path.csv",
-                                                         "stage_initial.xyz",
-                                                         "stage_unjammed.xyz",
-                                                         "packing.svg",
-                                                         "packing.png",
-                                                         "stages.svg",
-                                                         "stages.png",
-                                                         "path.svg",
-                                                         "path.png"});
+  std::vector<std::string> names =
+      WithDistributionFiles(WithCertificateFiles({"summary.json",
+                                                  "packing.xyz",
+                                                  "contacts.csv",
+                                                  "path.csv",
+                                                  "stage_initial.xyz",
+                                                  "stage_unjammed.xyz",
+                                                  "packing.svg",
+                                                  "packing.png",
+                                                  "stages.svg",
+                                                  "stages.png",
+                                                  "path.svg",
+                                                  "path.png"}));
   std::string csv =
       "stage,phi,energy,pressure,coordination,rigid_grains,rigid_contacts,"
       "verdict,iterations,evaluations,seconds\n";
@@ -374,8 +383,13 @@ int Main() {
 
   output.WritePacking("packing.xyz", Annotated(result.jammed, scene.energy));
   output.Write("contacts.csv", ContactsCsv(result.jammed));
+  // What the decompression counted as jammed is not unjammed to the
+  // certificate.
+  FLAGS_zero_pressure = std::min(FLAGS_zero_pressure, 1e-2 * result.distance);
   const std::string certificate = PublishCertificate(
       result.jammed.packing, scene.energy, "contacts.csv", &output, &json);
+  const std::string distributions = PublishDistributions(
+      result.jammed.packing, result.jammed.contacts, &output, &json);
   json["provenance"] = Provenance();
   output.WritePacking("stage_initial.xyz", result.start);
   output.WritePacking("stage_unjammed.xyz", result.unjammed);
@@ -424,10 +438,18 @@ int Main() {
       o.isostatic_contacts,
       o.rigid_contacts - o.isostatic_contacts,
       o.rattlers);
+  if (options.until_isostatic && o.rigid_contacts > o.isostatic_contacts) {
+    std::printf(
+        "  excess        stays down to %.0e: loops of equal grains may close "
+        "by "
+        "themselves and keep\n                contacts that nothing opens\n",
+        result.distance);
+  }
   std::printf(
       "  residual      %.1e mean forces, judged in quadruple precision\n",
       judge.Relative());
   if (!certificate.empty()) std::printf("  %s", certificate.c_str());
+  std::printf("  %s", distributions.c_str());
   if (result.cycles > 1) {
     std::printf(
         "  branches      %d: the earlier ones lost stability at a finite "

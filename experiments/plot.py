@@ -16,8 +16,22 @@
         of `compare`: the residual that a number of evaluations, a CPU time buys
     plot.py distances STEP_TABLES.csv OUT [--steps=all] [--level=relative:1e-10 ...]
         of `compare`: what shear steps cost against the distance to jamming
+    plot.py profile PROFILE.csv OUT
+        of `compare`: the part of the problems within a factor of the cheapest method
+    plot.py quality QUALITY.csv OUT
+        of `compare`: the part of the problems that end near the best, and where the
+        reference does
+    plot.py protocol jamming|shear DIR OUT [--epsilon=1e-6] [--reference=LABEL]
+        of `compare --protocol`: what came out of whole protocols
     plot.py conditioning CONDITIONING.csv CONTACT_CHANGES.csv OUT
         condition numbers and contact changes against the distance to jamming
+    plot.py ensemble ENSEMBLE.csv OUT [--dimension=2]
+        of `jamming --seeds`: histograms of phi_J, a row a number of grains
+    plot.py finite_size SIZES.csv OUT [--dimension=2]
+            [--fit=PHI,ERROR,C,ERROR,EXPONENT]
+        mean phi_J against the number of grains, and PHI - C N^-EXPONENT
+    plot.py distributions FORCES.csv GAPS.csv DISTRIBUTIONS.csv OUT
+        cumulative distributions of weak forces and small gaps
 
 Each writes OUT.svg and OUT.png, both or neither. The same input gives the same
 bytes. Bad input or usage: one line on stderr, status 2.
@@ -31,6 +45,7 @@ import math
 import os
 import re
 import sys
+import textwrap
 from collections import namedtuple
 
 try:
@@ -1064,6 +1079,17 @@ def ComparisonAxes(rows):
   return figure, axes
 
 
+def Extend(figure, above=0.0, below=0.0):
+  """Adds inches to the figure; the axes keep their size and their distances."""
+  width, height = figure.get_size_inches()
+  total = height + above + below
+  figure.set_size_inches(width, total)
+  for grid in {ax.get_subplotspec().get_gridspec() for ax in figure.axes}:
+    now = grid.get_subplot_params(figure)
+    grid.update(top=(now.top * height + below) / total,
+                bottom=(now.bottom * height + below) / total)
+
+
 def MethodLegend(figure, styles, **properties):
   """Above everything, in as many lines as it takes."""
   names = list(styles)
@@ -1075,13 +1101,7 @@ def MethodLegend(figure, styles, **properties):
                     markersize=6, label=name.replace("$", r"\$"))
              for name, (colour, dashes, marker) in styles.items()]
   lines = -(-len(names) // columns)
-  extra = 0.27 * max(0, lines - 1)
-  if extra:  # make the figure taller, and leave the axes where they are
-    width, height = figure.get_size_inches()
-    figure.set_size_inches(width, height + extra)
-    parameters = figure.subplotpars
-    figure.subplots_adjust(top=parameters.top * height / (height + extra),
-                           bottom=parameters.bottom * height / (height + extra))
+  Extend(figure, above=0.27 * max(0, lines - 1))
   figure.legend(handles=handles, loc="upper center", ncol=columns,
                 bbox_to_anchor=(0.535, 1.0), fontsize=12.5, handlelength=2.4,
                 columnspacing=1.5, borderaxespad=0.3)
@@ -1207,6 +1227,7 @@ def CurvesFigure(arguments):
                        ("; open dot: $E = 0$" if any_gone else ""), loc="right", pad=7,
                        fontsize=11, color=GREY)
   MethodLegend(figure, styles)
+  Help(figure, *CURVES_HELP)
   return figure
 
 
@@ -1300,6 +1321,7 @@ def WorkFigure(arguments):
   axes[0, 1].set_title("medians; bands: 20 to 80 % of the runs", loc="right", pad=7,
                        fontsize=11, color=GREY)
   MethodLegend(figure, styles, markers=True)
+  Help(figure, *WORK_HELP)
   return figure
 
 
@@ -1442,8 +1464,10 @@ def DistancesFigure(arguments):
   FinishPanels(axes)
   figure.align_ylabels(axes[:, 0])
   MethodLegend(figure, styles, markers=True)
+  below = Help(figure, *DISTANCES_HELP)
   # In two lines where one is too short.
-  figure.text(0.5, 0.08 / height, words if columns > 1 else words.replace("; ", "\n", 1),
+  figure.text(0.5, (below + 0.08) / figure.get_figheight(),
+              words if columns > 1 else words.replace("; ", "\n", 1),
               ha="center", va="bottom", color=GREY, fontsize=10.5)
   return figure
 
@@ -1589,6 +1613,727 @@ def ConditioningFigure(arguments):
   return figure
 
 
+# ------------------------------------------------- profiles, whole protocols
+
+
+def Help(figure, *sentences):
+  """How to read the figure, below everything, in small type; the axes stay as large
+  as they are. The height in inches that it takes."""
+  width = figure.get_figwidth()
+  lines = textwrap.wrap(" ".join(sentences), int(13.6 * width - 3))
+  extra = 0.165 * len(lines) + 0.1
+  Extend(figure, below=extra)
+  total = figure.get_figheight()
+  text = "\n".join(lines)
+  for word, symbol in (("\u03c6_cr", r"$\phi_{\mathrm{cr}}$"), ("\u03c6_J", r"$\phi_J$")):
+    text = text.replace(word, symbol)
+  figure.text(0.14 / width, 0.1 / total, text, ha="left", va="bottom",
+              fontsize=9.5, linespacing=1.25, color=GREY)
+  return extra
+
+
+PROFILE_HELP = (
+    "At a factor \u03c4 a curve shows on which part of the problems a method got there "
+    "with at most \u03c4 times the work of the method that was cheapest on that problem: "
+    "at \u03c4 = 1 how often it was the cheapest itself, at the right end how often it got "
+    "there at all.",
+    "Higher is better, but only beside the best method, since the order of two others may "
+    "change when a third is left out; an evaluation may come with a factorization, which "
+    "only CPU time knows.")
+
+QUALITY_HELP = {
+    "energy": (
+        "Left, a curve shows which part of the problems a method ended within that much of "
+        "the least energy that any method found, so a curve that stays low on the left has "
+        "ended in higher minima or was not done.",
+        "Right, how often it ended in the very minimum of the reference, with Wilson's 95 % "
+        "interval: costs of methods that end in different minima are not those of one task."),
+    "path": (
+        "Left, a curve shows at which part of the strains a method's energy is the "
+        "reference's to within that much of it; what lies far to the right was sheared "
+        "through other rearrangements.",
+        "Right, in how many whole runs it stayed with the reference all the way, with "
+        "Wilson's 95 % interval, which takes runs as independent: those of one seed at "
+        "several tolerances are not."),
+    "excess": (
+        "Left, a curve shows for which part of the runs the \u03c6_cr that the published "
+        "Algorithm 1 returns is at most so many \u03b5 above the \u03c6_J of its own branch; "
+        "the algorithm promises 1.",
+        "Right, how often \u03c6_cr from the same start is within \u03b5 of the reference's, "
+        "with Wilson's 95 % interval, which takes runs as independent: those of one seed at "
+        "several tolerances are not."),
+}
+
+JAMMING_HELP = (
+    "Each mark is one run of the published Algorithm 1 from one seed: left, how far the "
+    "state that it returns is above the jamming point of its own branch, which should be "
+    "less than \u03b5 (dashed); then what growth and bisection took.",
+    "Open marks are runs whose bisection halved an interval with more than one transition: "
+    "the branch that it returns is jammed below a state that it called unjammed.")
+
+SHEAR_HELP = (
+    "Above, the deviatoric stress under pure shear, each method relaxing its own state after "
+    "each increment: as long as the curves are one, the methods answer the same question.",
+    "Below, how much the energy differs from the reference's; a jump out of the "
+    "rounding is a rearrangement that the two methods took differently, after which they "
+    "shear different packings, neither of them wrong, until a fall shows that they have met "
+    "again.")
+
+CURVES_HELP = (
+    "Each curve is one run, its residual against iterations (left) and CPU time (right); "
+    "further down and further left is better.",
+    "An iteration of one method costs more than that of another, so only the right side says "
+    "who is faster, and that on this machine.")
+
+WORK_HELP = (
+    "A curve shows what a method had spent when it first met each residual, so at the "
+    "tolerance that one needs the leftmost curve is the cheapest method.",
+    "Where curves cross the best method depends on the tolerance; a curve ends where half of "
+    "the runs never got further down.")
+
+DISTANCES_HELP = (
+    "Each mark is the work of a shear step at one distance from jamming; a method whose marks "
+    "stay level does not feel it, one that rises to the left slows down with the exponent "
+    "given beside the panel.",
+    "A step that failed, of which the strip on top has the number, is infinitely expensive in "
+    "the medians, so a method is cheap only where it has none there.")
+
+
+def RatioTicks(axis, most):
+  """1, 2, 5, 10, ... or decades on a logarithmic axis that begins at 1."""
+  if most > 300:
+    Decades(axis, 0.0, math.log10(most))
+    return
+  ticks = ([1, 1.2, 1.5, 2, 3, 4] if most <= 5 else
+           [m * 10**e for e in range(3) for m in (1, 2, 5)])
+  ticks = [tick for tick in ticks if tick <= most]
+  axis.set_major_locator(ticker.FixedLocator(ticks))
+  axis.set_major_formatter(ticker.FixedFormatter(["%g" % tick for tick in ticks]))
+  axis.set_minor_locator(ticker.NullLocator())
+
+
+def Steps(ax, at, fraction, first, last, style):
+  """A distribution from `first` to `last`; values below `first` are there already."""
+  colour, dashes, _ = style
+  at = np.maximum(at, first)
+  x = np.concatenate([[first], at, [last]])
+  y = np.concatenate([[0.0], fraction, [fraction[-1] if len(fraction) else 0.0]])
+  # Nothing at `first` but what is there.
+  here = (at <= first).sum()
+  if here:
+    x, y = x[here:], y[here:]
+  ax.step(x, y, where="post", color=colour, linestyle=dashes, linewidth=2.0, zorder=3,
+          clip_on=False)
+  if y[0] > 0:
+    ax.plot(x[:1], y[:1], "o", color=colour, markersize=5, zorder=4, clip_on=False)
+
+
+def FractionAxis(ax):
+  ax.set_ylim(0, 1)
+  ax.yaxis.set_major_locator(ticker.FixedLocator([0, 0.25, 0.5, 0.75, 1]))
+  ax.yaxis.set_major_formatter(ticker.FuncFormatter(lambda y, _: "%.0f" % (100 * y)))
+
+
+def Distributions(table, chosen, column):
+  """{method: (values, fractions)} of the chosen rows, finite ones."""
+  solver = np.array(table["solver"])
+  result = {}
+  for method in Unique(solver[chosen]):
+    mine = chosen & (solver == method) & np.isfinite(table[column])
+    order = np.argsort(table[column][mine], kind="stable")
+    result[method] = table[column][mine][order], table["fraction"][mine][order]
+  return result
+
+
+def ProfileFigure(arguments):
+  path = arguments.table
+  table = ReadTable(path, ("problems", "measure", "solver", "count", "ratio",
+                           "fraction"), words=("problems", "measure", "solver"))
+  if not table["solver"]:
+    raise InputError("%s: no rows" % path)
+  styles = MethodStyles(Unique(table["solver"]))
+  problems, measures = np.array(table["problems"]), np.array(table["measure"])
+  rows = Unique(table["problems"])
+  figure, axes = ComparisonAxes(len(rows))
+  for row, name in enumerate(rows):
+    for column, (measure, label) in enumerate((("evaluations", "evaluations"),
+                                               ("cpu_seconds", "CPU time"))):
+      ax = axes[row, column]
+      chosen = (problems == name) & (measures == measure)
+      if not chosen.any():
+        raise InputError("%s: no rows of %s, %s" % (path, name, measure))
+      curves = Distributions(table, chosen, "ratio")
+      most = max([values.max(initial=1.0) for values, _ in curves.values()])
+      most = max(1.12 * most, 2.2)
+      ax.set_xscale("log")
+      ax.set_xlim(1, most)
+      RatioTicks(ax.xaxis, most)
+      ax.tick_params(axis="x", pad=6)
+      for method, (values, fractions) in curves.items():
+        Steps(ax, values, fractions, 1.0, most, styles[method])
+      ax.set_xlabel(r"$\tau$: %s, relative to the cheapest method" % label)
+    FractionAxis(axes[row, 0])
+    axes[row, 0].set_ylabel("problems within $\\tau$ / %")
+    count = table["count"][problems == name][0]
+    axes[row, 0].set_title("%d problems (%s)" % (count, name) if "," in name else
+                           "%d %s" % (count, name), loc="left", pad=7)
+    axes[row, 1].tick_params(labelleft=False)
+  FinishPanels(axes)
+  MethodLegend(figure, styles)
+  Help(figure, *PROFILE_HELP)
+  return figure
+
+
+QUALITY_LABELS = {
+    "energy": r"$(E - E_{\mathrm{best}})\,/\,E$",
+    "path": r"$|E - E_{\mathrm{ref}}|\,/\,E$",
+    "excess": r"$(\phi_{\mathrm{cr}} - \phi_J)\,/\,\epsilon$",
+}
+ROUNDING = 1e-12  # relative differences below are rounding
+
+
+def QualityFigure(arguments):
+  path = arguments.table
+  table = ReadTable(path, ("problems", "measure", "solver", "count", "value", "fraction",
+                           "agreement", "reference", "agree", "judged", "low", "high"),
+                    words=("problems", "measure", "solver", "agreement", "reference"))
+  if not table["solver"]:
+    raise InputError("%s: no rows" % path)
+  measure = table["measure"][0]
+  if measure not in QUALITY_LABELS:
+    raise InputError("%s:2: measure %r is none of %s" %
+                     (path, measure, ", ".join(QUALITY_LABELS)))
+  names = Unique(table["solver"])
+  styles = MethodStyles(names)
+  labels = [Shortened(name) for name in names]
+  height = 1.2 + max(3.0, 0.42 * len(names) + 0.6)
+  # Room for the names and the counts beside them.
+  longest = max(len(label) for label in labels)
+  figure, axes = plt.subplots(
+      1, 2, figsize=(11.0, height),
+      gridspec_kw=dict(left=0.075, right=0.925, top=1 - 0.8 / height,
+                       bottom=0.68 / height, wspace=0.12 + 0.024 * longest,
+                       width_ratios=(1.5, 1)))
+  ax = axes[0]
+  curves = Distributions(table, np.ones(len(table["solver"]), bool), "value")
+  values = np.concatenate([values for values, _ in curves.values()])
+  ax.set_xscale("log")
+  if measure == "excess":
+    low, high = Span(np.append(values[values > 0], 1.0))
+  else:
+    low, high = math.log10(ROUNDING), 0.15
+  ax.set_xlim(10**low, 10**high)
+  Decades(ax.xaxis, low, high)
+  if measure == "excess":
+    ax.axvline(1.0, color=GREY, linewidth=1.2, linestyle=(0, (5, 3)), zorder=1)
+  for method, (values, fractions) in curves.items():
+    Steps(ax, values, fractions, 10**low, 10**high, styles[method])
+  FractionAxis(ax)
+  ax.set_xlabel(QUALITY_LABELS[measure])
+  what = table["problems"][0]
+  ax.set_ylabel("%s within / %%" % ("runs" if measure == "excess" else
+                                    "strains" if measure == "path" else "problems"))
+  ax.set_title("%d %s" % (table["count"][0], "problems (%s)" % what if "," in what
+                          else "strains" if measure == "path" else what), loc="left",
+               pad=7)
+
+  ax = axes[1]
+  names = Unique(table["solver"])
+  reference = table["reference"][0]
+  for k, name in enumerate(names):
+    row = table["solver"].index(name)
+    colour, _, marker = styles[name]
+    agree, judged = table["agree"][row], table["judged"][row]
+    if name == reference:
+      ax.text(0.5, k, "the reference", ha="center", va="center", color=GREY,
+              fontsize=11)
+      continue
+    if not judged:
+      continue
+    ax.plot([table["low"][row], table["high"][row]], [k, k], color=colour,
+            linewidth=5, alpha=0.3, solid_capstyle="butt", zorder=2)
+    ax.plot([agree / judged], [k], color=colour, marker=marker, markersize=9,
+            clip_on=False, zorder=4)
+    ax.text(1.03, k, "%d of %d" % (agree, judged), va="center", ha="left", fontsize=11,
+            transform=ax.get_yaxis_transform(), color=INK)
+  ax.set_ylim(len(names) - 0.4, -0.6)
+  ax.set_xlim(-0.02, 1.02)
+  ax.yaxis.set_major_locator(ticker.FixedLocator(range(len(names))))
+  ax.yaxis.set_major_formatter(ticker.FixedFormatter(labels))
+  ax.tick_params(axis="y", length=0, labelsize=11)
+  ax.xaxis.set_major_locator(ticker.FixedLocator([0, 0.25, 0.5, 0.75, 1]))
+  ax.xaxis.set_major_formatter(ticker.FuncFormatter(lambda x, _: "%.0f" % (100 * x)))
+  ax.set_xlabel({"energy": "in the reference's minimum / %",
+                 "path": "with the reference all the way / %",
+                 "excess": r"$\phi_{\mathrm{cr}}$ within $\epsilon$ of the reference / %"}
+                [measure])
+  ax.set_title("agreement", loc="left", pad=7)
+  FinishPanels(axes)
+  ax.tick_params(axis="y", which="both", left=False, right=False)
+  ax.grid(False, axis="y")
+  MethodLegend(figure, styles)
+  Help(figure, *QUALITY_HELP[measure])
+  return figure
+
+
+def Shortened(name, most=24):
+  """A label that must stand beside an axis."""
+  name = name.replace("$", r"\$")
+  return name if len(name) <= most else name[:most - 1] + "\u2026"
+
+
+def ProtocolFigure(arguments):
+  return (JammingFigure if arguments.kind == "jamming" else ShearFigure)(arguments)
+
+
+TOLERANCE_MARKERS = "osD^v"
+
+
+def JammingFigure(arguments):
+  path = arguments.data + "/protocol_runs.csv"
+  table = ReadTable(path, ("tolerance", "seed", "repetition", "solver", "finished",
+                           "phi_cr", "phi_unjammed", "phi_j", "branch", "evaluations",
+                           "cpu_seconds"), words=("solver", "branch"))
+  if not table["solver"]:
+    raise InputError("%s: no rows" % path)
+  if not arguments.epsilon or arguments.epsilon <= 0:
+    raise InputError("--epsilon must be positive")
+  epsilon = arguments.epsilon
+  names = Unique(table["solver"])
+  styles = MethodStyles(names)
+  tolerances = sorted(set(table["tolerance"]), reverse=True)
+  solver, branch = np.array(table["solver"]), np.array(table["branch"])
+  excess = table["phi_cr"] - table["phi_j"]
+  finished = table["finished"] > 0
+  known = finished & np.isfinite(excess) & (excess > 0)
+  crooked = known & (table["phi_j"] < table["phi_unjammed"] - epsilon)
+  first = table["repetition"] == 1
+  band = 0.8
+  height = 1.5 + 0.62 * len(names) * max(1.0, 0.45 * len(tolerances))
+  longest = max(len(Shortened(name)) for name in names)
+  figure, axes = plt.subplots(
+      1, 3, sharey=True, figsize=(11.0, height),
+      gridspec_kw=dict(left=0.03 + 0.0092 * longest, right=0.98,
+                       top=1 - 0.72 / height, bottom=0.68 / height, wspace=0.08,
+                       width_ratios=(1.5, 1, 1)))
+  panels = ((excess, known & first, r"$\phi_{\mathrm{cr}} - \phi_J$ of its branch"),
+            (table["evaluations"], finished & first, "evaluations"),
+            (table["cpu_seconds"], finished, "CPU time / s"))
+  for column, (values, chosen, label) in enumerate(panels):
+    ax = axes[column]
+    shown = values[chosen & (values > 0)]
+    low, high = Span(np.append(shown, epsilon) if column == 0 else shown)
+    ax.set_xscale("log")
+    ax.set_xlim(10**low, 10**high)
+    Decades(ax.xaxis, low, high)
+    for k, name in enumerate(names):
+      colour = styles[name][0]
+      if k % 2:
+        ax.axhspan(k - 0.5, k + 0.5, facecolor="#F6F7F8", linewidth=0, zorder=0)
+      for t, tolerance in enumerate(tolerances):
+        y = k + band * ((t + 0.5) / len(tolerances) - 0.5)
+        mine = chosen & (solver == name) & (table["tolerance"] == tolerance)
+        marker = TOLERANCE_MARKERS[t % len(TOLERANCE_MARKERS)]
+        if not mine.any():
+          continue
+        x = values[mine]
+        ax.plot([x.min(), x.max()], [y, y], color=colour, linewidth=1.0, alpha=0.35,
+                zorder=2)
+        for value, open_, lost in zip(x, crooked[mine], branch[mine] == "lost"):
+          hollow = column == 0 and open_
+          bound = column == 0 and lost
+          ax.plot([value], [y], linestyle="", marker=">" if bound else marker,
+                  markersize=7 if bound else 6, color=colour, markeredgewidth=1.4,
+                  markerfacecolor="white" if hollow else colour, zorder=4, clip_on=False)
+    ax.set_xlabel(label)
+    if column == 0:
+      ax.axvline(epsilon, color=INK, linewidth=1.1, linestyle=(0, (5, 3)), zorder=3)
+      ax.annotate(r"$\epsilon$", (epsilon, 1.0), xycoords=("data", "axes fraction"),
+                  xytext=(0, 4), textcoords="offset points", ha="center", va="bottom")
+  axes[0].set_ylim(len(names) - 0.5, -0.5)
+  axes[0].yaxis.set_major_locator(ticker.FixedLocator(range(len(names))))
+  axes[0].yaxis.set_major_formatter(ticker.FixedFormatter(
+      [Shortened(name) for name in names]))
+  for ax in axes:
+    ax.grid(True, axis="x", which="major", color=PALE, linewidth=0.7)
+    ax.set_axisbelow(True)
+    ax.tick_params(which="both", top=True)
+    ax.tick_params(axis="y", length=0)
+  handles = [Line2D([], [], linestyle="", color=GREY, markersize=7,
+                    marker=TOLERANCE_MARKERS[t % len(TOLERANCE_MARKERS)],
+                    label="tolerance $10^{%d}$" % round(math.log10(tolerance))
+                    if abs(math.log10(tolerance) - round(math.log10(tolerance))) < 1e-9
+                    else "tolerance %g" % tolerance)
+             for t, tolerance in enumerate(tolerances)]
+  if (crooked & first).any():
+    handles.append(Line2D([], [], linestyle="", color=GREY, markersize=7, marker="o",
+                          markerfacecolor="white", markeredgewidth=1.4,
+                          label="non-monotone bisection"))
+  if ((branch == "lost") & known & first).any():
+    handles.append(Line2D([], [], linestyle="", color=GREY, markersize=7, marker=">",
+                          label="at least: the branch ends"))
+  figure.legend(handles=handles, loc="upper center", ncol=len(handles), fontsize=12,
+                bbox_to_anchor=(0.535, 1.0), handletextpad=0.2, columnspacing=1.6)
+  Help(figure, *JAMMING_HELP)
+  return figure
+
+
+def ShearFigure(arguments):
+  path = arguments.data + "/protocol_steps.csv"
+  table = ReadTable(path, ("tolerance", "seed", "repetition", "solver", "strain",
+                           "energy", "deviatoric_stress"), words=("solver",))
+  if not table["solver"]:
+    raise InputError("%s: no rows" % path)
+  names = Unique(table["solver"])
+  # The order of the plan, whatever ran first.
+  runs = ReadTable(arguments.data + "/protocol_tables.csv", ("solver",),
+                   words=("solver",)) if os.path.exists(
+                       arguments.data + "/protocol_tables.csv") else {"solver": []}
+  names = [name for name in Unique(runs["solver"]) if name in names] or names
+  reference = arguments.reference or names[0]
+  if reference not in names:
+    raise InputError("%s: no rows of the method %r" % (path, reference))
+  styles = MethodStyles(names)
+  solver = np.array(table["solver"])
+  tolerance = table["tolerance"].min()
+  seeds = sorted(set(table["seed"]))[:3]
+  height = 6.3
+  figure, axes = plt.subplots(
+      2, len(seeds), sharex=True, sharey="row", squeeze=False,
+      figsize=(max(6.6, 0.9 + 3.9 * len(seeds)), height),
+      gridspec_kw=dict(left=0.16 if len(seeds) == 1 else 0.085, right=0.98,
+                       top=1 - 0.9 / height, bottom=0.68 / height, wspace=0.08,
+                       hspace=0.1, height_ratios=(1.5, 1)))
+  most = table["deviatoric_stress"].max()
+  exponent = math.floor(math.log10(most)) if most > 0 else 0
+  unit = 10.0**exponent if abs(exponent) > 2 else 1.0
+  worst = ROUNDING
+  for column, seed in enumerate(seeds):
+    curves = {}
+    for name in names:
+      chosen = ((solver == name) & (table["seed"] == seed) &
+                (table["tolerance"] == tolerance))
+      order = np.argsort(table["strain"][chosen], kind="stable")
+      curves[name] = [table[key][chosen][order]
+                      for key in ("strain", "deviatoric_stress", "energy")]
+    base = curves[reference]
+    for name in names:
+      colour, dashes, _ = styles[name]
+      strain, stress, energy = curves[name]
+      ahead = name == reference
+      axes[0, column].plot(100 * strain, stress / unit, color=colour,
+                           linestyle="-" if ahead else dashes,
+                           linewidth=3.2 if ahead else 1.5,
+                           alpha=0.45 if ahead else 1.0, zorder=2 if ahead else 3)
+      if ahead:
+        continue
+      common = min(len(energy), len(base[2]))
+      size = np.maximum(np.abs(energy[:common]), np.abs(base[2][:common]))
+      apart = np.abs(energy[:common] - base[2][:common]) / np.where(size > 0, size, 1)
+      worst = max(worst, apart.max(initial=0.0))
+      axes[1, column].plot(100 * strain[:common], np.maximum(apart, ROUNDING),
+                           color=colour, linestyle=dashes, linewidth=1.5, zorder=3)
+    axes[0, column].set_title("seed %d" % seed, loc="left", pad=7)
+    axes[1, column].set_xlabel(r"pure shear strain  $\gamma$ / %")
+    axes[1, column].xaxis.set_major_locator(ticker.MaxNLocator(5, steps=[1, 2, 5, 10]))
+    axes[1, column].margins(x=0.02)
+  axes[0, 0].set_ylim(0, 1.08 * most / unit if most > 0 else 1)
+  axes[0, 0].yaxis.set_major_locator(ticker.MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+  axes[0, 0].set_ylabel(r"deviatoric stress  $\sigma_{\mathrm{dev}}$" +
+                        (r" / $10^{%d}$" % exponent if unit != 1 else ""))
+  low, high = math.log10(ROUNDING), max(math.log10(worst) + 0.6, -9.0)
+  axes[1, 0].set_yscale("log")
+  axes[1, 0].set_ylim(10**low, 10**high)
+  Decades(axes[1, 0].yaxis, low, high)
+  axes[1, 0].set_ylabel(QUALITY_LABELS["path"])
+  if len(seeds) > 1 or axes[0, 0].get_title():
+    axes[0, -1].set_title("pale and wide: the reference, %s" % Shortened(reference),
+                          loc="right", pad=7, fontsize=10.5, color=GREY)
+  FinishPanels(axes)
+  figure.align_ylabels(axes[:, 0])
+  MethodLegend(figure, styles)
+  Help(figure, *SHEAR_HELP)
+  return figure
+
+
+# ---------------------------------------------------------------- ensembles
+
+
+# phi_J for N -> infinity and a rapid quench, bidisperse 1:1.4: O'Hern, Silbert, Liu,
+# Nagel, Phys. Rev. E 68 (2003) 011306.
+LITERATURE_PHI = {2: 0.8418, 3: 0.648}
+
+
+def SizeColours(sizes):
+  """The largest number of grains in blue, smaller ones in other colours."""
+  order = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, "#56B4E9", INK, GREY)
+  sizes = sorted(set(int(size) for size in sizes))
+  return {size: order[k % len(order)] for k, size in enumerate(reversed(sizes))}
+
+
+def ReadingHelp(figure, text, left=0.85):
+  """Small print under the figure, broken to its width."""
+  width, height = figure.get_size_inches()
+  lines = textwrap.wrap(text, int(13.2 * (width - left - 0.1)))
+  figure.text(left / width, 0.14 / height, "\n".join(lines), fontsize=10, color=GREY,
+              va="bottom", linespacing=1.45)
+
+
+def WithError(value, error):
+  """0.842(3): the error in units of the last digit; two digits of it below 3.55, the
+  rule of the Particle Data Group."""
+  if not error > 0 or not math.isfinite(error):
+    return "%.5g" % value
+  digits = -math.floor(math.log10(error))
+  if error * 10**digits < 3.55:
+    digits += 1
+  digits = max(0, digits)
+  return "%.*f(%d)" % (digits, value, round(error * 10**digits))
+
+
+def EnsembleFigure(arguments):
+  path = arguments.table
+  table = ReadTable(path, ("particles", "seed", "phi_j", "error"))
+  if not len(table["phi_j"]):
+    raise InputError("%s: no rows" % path)
+  sizes = sorted(set(table["particles"].astype(int)))
+  colours = SizeColours(sizes)
+  literature = LITERATURE_PHI[arguments.dimension]
+  low, high = table["phi_j"].min(), table["phi_j"].max()
+  if low - 0.6 * (high - low) < literature < high + 0.6 * (high - low):
+    low, high = min(low, literature), max(high, literature)
+  air = 0.06 * (high - low) or 1e-3
+  low, high = low - air, high + air
+  row = 1.35 if len(sizes) > 1 else 2.6
+  width, height = 8.2, 1.75 + row * len(sizes)
+  figure, axes = plt.subplots(
+      len(sizes), 1, sharex=True, squeeze=False, figsize=(width, height),
+      gridspec_kw=dict(left=0.85 / width, right=1 - 1.75 / width,
+                       top=1 - 0.3 / height, bottom=1.3 / height, hspace=0.16))
+  # One width of the bins for all, from the rule of Freedman and Diaconis for the
+  # widest row.
+  spread = []
+  for size in sizes:
+    values = table["phi_j"][table["particles"] == size]
+    quartiles = np.percentile(values, [25, 75])
+    spread.append(2 * (quartiles[1] - quartiles[0]) / len(values)**(1 / 3))
+  # A narrow row wants narrow bins, a wide one wide ones: the geometric mean.
+  spread = [value for value in spread if value > 0] or [(high - low) / 20]
+  width_of_bin = np.clip(np.exp(np.mean(np.log(spread))), (high - low) / 80,
+                         (high - low) / 18)
+  edges = np.arange(math.floor(low / width_of_bin),
+                    math.ceil(high / width_of_bin) + 1) * width_of_bin
+  low, high = edges[0], edges[-1]
+  for ax, size in zip(axes[:, 0], sizes):
+    values = table["phi_j"][table["particles"] == size]
+    colour = colours[size]
+    counts, _, _ = ax.hist(values, bins=edges, color=Mix(colour, "#FFFFFF", 0.6),
+                           edgecolor=colour, linewidth=1.0, zorder=2)
+    top = 1.32 * counts.max()
+    ax.plot(values, np.full(len(values), 0.045 * top), "|", color=INK, markersize=7,
+            markeredgewidth=0.9, zorder=4)
+    mean = values.mean()
+    text = r"$N = %d$" % size
+    lines = ["%d packing%s" % (len(values), "" if len(values) == 1 else "s")]
+    if len(values) > 1:
+      deviation = values.std(ddof=1)
+      error = deviation / math.sqrt(len(values))
+      ax.errorbar([mean], [0.9 * top], xerr=[deviation], color=colour, linewidth=1.2,
+                  capsize=3, zorder=5)
+      ax.errorbar([mean], [0.9 * top], xerr=[error], color=colour, linewidth=4.0, zorder=5)
+      lines += [r"$\langle\phi_J\rangle$ = %s" % WithError(mean, error),
+                r"$\sigma$ = %#.2g" % deviation]
+    ax.plot([mean], [0.9 * top], "o", color="white", markeredgecolor=colour,
+            markeredgewidth=1.5, markersize=6, zorder=6)
+    ax.axvline(literature, color=GREY, linewidth=1.1, linestyle=(0, (5, 3)), zorder=1)
+    ax.set_ylim(0, top)
+    ax.set_xlim(low, high)
+    ax.yaxis.set_major_locator(ticker.MaxNLocator(3, integer=True, prune="lower"))
+    ax.grid(True, axis="x", color=PALE, linewidth=0.7)
+    ax.set_axisbelow(True)
+    ax.tick_params(which="both", top=True, right=True)
+    ax.text(1.02, 0.93, text, transform=ax.transAxes, va="top", fontsize=12.5,
+            color=colour, fontweight="bold")
+    ax.text(1.02, 0.7, "\n".join(lines), transform=ax.transAxes, va="top", fontsize=10,
+            color=INK, linespacing=1.35)
+  figure.text(0.28 / width, (1.3 + 0.5 * (height - 1.6)) / height, "packings",
+              rotation=90, ha="center", va="center", fontsize=14)
+  axes[-1, 0].set_xlabel(r"packing fraction at jamming  $\phi_J$")
+  ReadingHelp(figure, "Each tick is the jamming point of one packing; circle, thick and thin "
+              "bar: their mean, its standard error, and their standard deviation. "
+              "Dashed: %g, the literature\u2019s value for a rapid quench and N \u2192 "
+              "\u221e; small packings jam below it." % literature)
+  return figure
+
+
+def FiniteSizeFigure(arguments):
+  path = arguments.table
+  table = ReadTable(path, ("particles", "complete", "phi_j", "standard_deviation",
+                           "standard_error", "least", "most"))
+  if not len(table["phi_j"]):
+    raise InputError("%s: no rows" % path)
+  fit = None
+  if arguments.fit:
+    try:
+      fit = [float(word) for word in arguments.fit.split(",")]
+      if len(fit) != 5 or not np.isfinite(fit).all():
+        raise ValueError
+    except ValueError:
+      raise InputError("--fit=%s: five numbers expected" % arguments.fit)
+  width, height = 7.6, 6.1
+  figure = plt.figure(figsize=(width, height))
+  ax = figure.add_axes([0.95 / width, 1.4 / height, 1 - 1.15 / width, 1 - 1.6 / height])
+  n, mean = table["particles"], table["phi_j"]
+  first, last = n.min() / 1.45, n.max() * 1.9
+  ax.set_xscale("log")
+  ax.set_xlim(first, last)
+  literature = LITERATURE_PHI[arguments.dimension]
+  ax.axhline(literature, color=GREY, linewidth=1.3, linestyle=(0, (5, 3)), zorder=1)
+  ax.annotate("%g" % literature, (0.012, literature), xycoords=("axes fraction", "data"),
+              xytext=(0, -3), textcoords="offset points", va="top", color=GREY, fontsize=11)
+  ax.vlines(n, table["least"], table["most"], color=Mix(BLUE, "#FFFFFF", 0.55),
+            linewidth=1.2, zorder=2)
+  ax.vlines(n, mean - table["standard_deviation"], mean + table["standard_deviation"],
+            color=Mix(BLUE, "#FFFFFF", 0.55), linewidth=5.0, zorder=2)
+  ax.errorbar(n, mean, yerr=table["standard_error"], color=BLUE, linestyle="", marker="o",
+              markersize=7, capsize=4, linewidth=1.8, zorder=5)
+  if fit:
+    phi, error, c, c_error, exponent = fit
+    x = np.geomspace(first, last, 200)
+    ax.plot(x, phi - c * x**-exponent, color=VERMILION, linewidth=1.7, zorder=4)
+    ax.axhspan(phi - error, phi + error, color=VERMILION, alpha=0.13, linewidth=0, zorder=0)
+    ax.text(0.97, 0.07, r"$\phi_J(N) = %s - %s\,N^{-%.3g}$" %
+            (WithError(phi, error), WithError(c, c_error), exponent),
+            transform=ax.transAxes, ha="right", color=VERMILION, fontsize=13.5)
+  low, high = table["least"].min(), table["most"].max()
+  low, high = min(low, literature), max(high, literature)
+  ax.set_ylim(low - 0.05 * (high - low), high + 0.08 * (high - low))
+  ax.set_xticks(n)
+  ax.xaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: "%d" % round(value)))
+  ax.xaxis.set_minor_locator(ticker.NullLocator())
+  ax.set_xlabel("grains  $N$")
+  ax.set_ylabel(r"packing fraction at jamming  $\phi_J$")
+  ax.grid(True, color=PALE, linewidth=0.7)
+  ax.set_axisbelow(True)
+  ax.tick_params(which="both", top=True, right=True)
+  counts = sorted(set(table["complete"].astype(int)))
+  ReadingHelp(figure, "Points: means over %s packings with their standard errors; wide bars: "
+              "standard deviation, thin ones: least to largest. %s" %
+              ("%d" % counts[0] if len(counts) == 1 else "%d to %d" % (counts[0], counts[-1]),
+               "Red: the fit, whose exponent is the literature\u2019s, and (band) where it "
+               "ends for N \u2192 \u221e; dashed: where the literature says a rapid quench "
+               "does." if fit else
+               "Dashed: the literature\u2019s value for a rapid quench and N \u2192 \u221e."),
+              left=0.95)
+  return figure
+
+
+# Of DISTRIBUTIONS.csv: what a panel shows.
+QUANTITIES = (
+    ("theta_localized", "weak forces of bucklers", r"$f\,/\,\langle f\rangle$",
+     r"\theta_\ell", 1),
+    ("theta_extended", "weak forces of all others", r"$f\,/\,\langle f\rangle$",
+     r"\theta_e", 1),
+    ("gamma", "small gaps", r"gap  $h\,/\,(r_i + r_j)$", r"\gamma", -1))
+
+
+def DistributionsFigure(arguments):
+  """Cumulative, so that nothing is binned; the fit is drawn on its window."""
+  forces = ReadTable(arguments.forces, ("particles", "kind", "force"), words=("kind",))
+  gaps = ReadTable(arguments.gaps, ("particles", "gap"))
+  fits = ReadTable(arguments.table, ("particles", "quantity", "samples", "blur", "low",
+                                     "high", "exponent", "error", "literature"),
+                   words=("quantity",))
+  sizes = sorted(set(forces["particles"].astype(int)) | set(gaps["particles"].astype(int)))
+  if not sizes:
+    raise InputError("%s: no rows" % arguments.forces)
+  colours = SizeColours(sizes)
+  kind = np.array(forces["kind"])
+  quantity = np.array(fits["quantity"])
+  theory = dict(theta_localized=0.17462, theta_extended=0.42311, gamma=0.41269)
+  panels = {
+      "theta_localized": (forces["particles"][kind == "localized"],
+                          forces["force"][kind == "localized"]),
+      "theta_extended": (forces["particles"][kind == "extended"],
+                         forces["force"][kind == "extended"]),
+      "gamma": (gaps["particles"], gaps["gap"])}
+  width, height = 14.4, 6.1
+  figure, axes = plt.subplots(
+      1, 3, squeeze=False, figsize=(width, height),
+      gridspec_kw=dict(left=0.85 / width, right=1 - 0.3 / width, top=1 - 0.45 / height,
+                       bottom=1.3 / height, wspace=0.2))
+  for ax, (name, title, label, symbol, sign) in zip(axes[0], QUANTITIES):
+    of, values = panels[name]
+    good = values > 0
+    of, values = of[good], values[good]
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_title(title, loc="left", pad=7)
+    ax.set_xlabel(label)
+    slope = 1 + sign * theory[name]
+    mine = {int(fits["particles"][k]): k for k in np.nonzero(quantity == name)[0]}
+    # The fit that is drawn is that of the most samples.
+    drawn = max(mine, key=lambda size: (fits["samples"][mine[size]], size), default=None)
+    lowest, shown, lines = 1.0, [], []
+    for size in sizes:
+      # What is blurred by the distance to jamming is left out.
+      least = fits["blur"][mine[size]] if size in mine else 0.0
+      x = np.sort(values[(of == size) & (values >= least)])
+      if not len(x):
+        continue
+      y = np.arange(1, len(x) + 1) / len(x)
+      lowest = min(lowest, y[0])
+      shown.append(x)
+      ax.plot(x, y, color=colours[size], linewidth=1.5, drawstyle="steps-post",
+              zorder=4 if size == drawn else 3)
+      text = r"$N = %d$" % size
+      if size in mine:
+        text += ":  $%s = %s$" % (symbol, WithError(fits["exponent"][mine[size]],
+                                                   fits["error"][mine[size]]))
+      lines.append((colours[size], text))
+    if not shown:
+      ax.text(0.5, 0.5, "none", transform=ax.transAxes, ha="center", color=GREY)
+      continue
+    x_low, x_high = Span(np.concatenate(shown))
+    low, high = Span(np.array([lowest, 1.0]))
+    ax.set_xlim(10**x_low, 10**x_high)
+    ax.set_ylim(10**low, 10**high)
+    Decades(ax.xaxis, x_low, x_high)
+    Decades(ax.yaxis, low, high)
+    if drawn is not None:
+      k = mine[drawn]
+      s, least, end = 1 + sign * fits["exponent"][k], fits["low"][k], fits["high"][k]
+      x = values[(of == drawn) & (values >= fits["blur"][k])]
+      below, upto = np.mean(x < least), np.mean(x <= end)
+      t = np.geomspace(max(least, x.min()), end, 200)
+      if abs(s) > 1e-6:
+        rise = (t**s - least**s) / (end**s - least**s)
+        # From half a contact on: an empty beginning has no logarithm.
+        ax.plot(t, np.maximum(below, 0.5 / len(x)) * (1 - rise) + upto * rise, color=INK, linewidth=2.0,
+                linestyle=(0, (3, 1.5)), zorder=5)
+      # The slope of the theory, below the data.
+      end, top = math.log10(end), math.log10(upto) - 0.085 * (high - low)
+      start = max(x_low, end - (top - low) / slope)
+      ax.plot([10**start, 10**end], [10**(top + slope * (start - end)), 10**top],
+              color=GREY, linewidth=1.4, zorder=2)
+    ax.text(0.965, 0.045, r"grey: slope $1 %s %s = %.3f$" %
+            ("+" if sign > 0 else "-", symbol, slope), transform=ax.transAxes,
+            ha="right", color=GREY, fontsize=11)
+    for k, (colour, text) in enumerate(lines):
+      ax.text(0.04, 0.955 - 0.068 * k, text, transform=ax.transAxes, color=colour,
+              fontsize=11, va="top", zorder=6,
+              bbox=dict(boxstyle="square,pad=0.12", facecolor="white", alpha=0.85,
+                        linewidth=0))
+  FinishPanels(axes)
+  axes[0, 0].set_ylabel("part of all that are smaller")
+  ReadingHelp(figure, "Cumulative distributions of contact forces over their mean and of gaps "
+              "between grains that nearly touch; dashed: the power law of most likelihood, "
+              "on the part that it fits best, the exponent with its error in units of the "
+              "last digit. Grey: the slope that mean-field theory predicts; the steps at the far "
+              "left are single contacts and say little.")
+  return figure
+
+
 # ---------------------------------------------------------------- output
 
 
@@ -1675,11 +2420,37 @@ def Arguments(words):
     else:
       command.add_argument("--cases", default="")
     command.set_defaults(figure=figure)
+  for name, figure in (("profile", ProfileFigure), ("quality", QualityFigure)):
+    command = commands.add_parser(name)
+    command.add_argument("table")
+    command.add_argument("out")
+    command.set_defaults(figure=figure)
+  command = commands.add_parser("protocol")
+  command.add_argument("kind", choices=("jamming", "shear"))
+  command.add_argument("data")
+  command.add_argument("out")
+  command.add_argument("--epsilon", type=float)
+  command.add_argument("--reference", default="")
+  command.set_defaults(figure=ProtocolFigure)
   command = commands.add_parser("conditioning")
   command.add_argument("table")
   command.add_argument("changes")
   command.add_argument("out")
   command.set_defaults(figure=ConditioningFigure)
+  for name, figure in (("ensemble", EnsembleFigure), ("finite_size", FiniteSizeFigure)):
+    command = commands.add_parser(name)
+    command.add_argument("table")
+    command.add_argument("out")
+    command.add_argument("--dimension", type=int, choices=(2, 3), default=2)
+    if name == "finite_size":
+      command.add_argument("--fit", default="")
+    command.set_defaults(figure=figure)
+  command = commands.add_parser("distributions")
+  command.add_argument("forces")
+  command.add_argument("gaps")
+  command.add_argument("table")
+  command.add_argument("out")
+  command.set_defaults(figure=DistributionsFigure)
   return parser.parse_args(words)
 
 

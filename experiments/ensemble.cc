@@ -1,0 +1,633 @@
+#include "experiments/ensemble.h"
+
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <sstream>
+
+#include "experiments/comparison.h"
+#include "experiments/distributions.h"
+#include "experiments/jobs.h"
+#include "experiments/scene.h"
+#include "granular/packing_io.h"
+
+DEFINE_string(seeds,
+              "",
+              "many packings: a run for each of these seeds, as in 1-20 or "
+              "1,4,7 (instead of --seed)");
+DEFINE_string(sizes,
+              "",
+              "with --seeds: numbers of grains, as in 64,128,256 (instead of "
+              "--particles)");
+DEFINE_int32(jobs, 1, "with --seeds: runs at a time");
+
+namespace granopt {
+namespace {
+
+constexpr int kMaxJobs = 1024;
+constexpr int kMaxSize = 10000000;
+
+// Flags that each child gets from its parent, or must not get.
+const char* const kOwnFlags[] = {
+    "seeds", "sizes", "jobs", "seed", "particles", "out", "pictures", "resume"};
+
+bool IsOwn(const std::string& name) {
+  return std::find(std::begin(kOwnFlags), std::end(kOwnFlags), name) !=
+         std::end(kOwnFlags);
+}
+
+std::string NameOf(const Member& member) {
+  return Format("n%d_seed%llu",
+                member.particles,
+                static_cast<unsigned long long>(member.seed));
+}
+
+// Without the flags that do not change the result.
+std::vector<std::string> ThatMatter(const std::vector<std::string>& words) {
+  std::vector<std::string> kept;
+  for (const std::string& word : words) {
+    if (word.rfind("--out=", 0) != 0 && word.rfind("--resume", 0) != 0) {
+      kept.push_back(word);
+    }
+  }
+  return kept;
+}
+
+// False where there is no summary.json that can be parsed.
+bool ReadSummary(const std::string& folder, Json* json) {
+  std::ifstream file(folder + "/summary.json");
+  std::stringstream text;
+  text << file.rdbuf();
+  *json = Json::parse(text.str(), nullptr, /*allow_exceptions=*/false);
+  return !json->is_discarded() && json->is_object();
+}
+
+// True if the run that left `json` was given these words.
+bool IsOf(const Json& json, const std::vector<std::string>& arguments) {
+  try {
+    std::vector<std::string> command =
+        json.at("provenance").at("command").get<std::vector<std::string>>();
+    if (command.empty() || json.value("interrupted", false)) return false;
+    command.erase(command.begin());
+    return ThatMatter(command) ==
+           ThatMatter({arguments.begin() + 1, arguments.end()});
+  } catch (const Json::exception&) {
+    return false;
+  }
+}
+
+void ReadMember(const Json& json, Member* member) {
+  try {
+    if (!json.at("found").get<bool>()) {
+      member->failure = json.at("error").get<std::string>();
+      return;
+    }
+    member->converged = json.at("converged").get<bool>();
+    member->phi_j = json.at("phi_j").get<double>();
+    member->error = json.at("phi_j_error").get<double>();
+    member->asked_error = json.at("error_bar").get<double>();
+    const Json& state = json.at("state");
+    member->rigid_grains = state.at("rigid_grains").get<int>();
+    member->excess_contacts = state.at("rigid_contacts").get<int>() -
+                              state.at("isostatic_contacts").get<int>();
+    member->rattlers = state.at("rattlers").get<int>();
+    if (json.contains("certificate")) {
+      member->certificate =
+          json.at("certificate").at("verdict").get<std::string>();
+    }
+    member->cycles = json.at("cycles").get<int>();
+    member->relaxations = json.at("relaxations").get<int>();
+    member->evaluations = json.at("evaluations").get<std::int64_t>();
+    member->seconds = json.at("seconds").get<double>();
+    member->complete = true;
+  } catch (const Json::exception& exception) {
+    member->failure = std::string("summary.json: ") + exception.what();
+  }
+}
+
+std::string LastLine(const std::string& path) {
+  std::ifstream file(path);
+  std::string last;
+  for (std::string line; std::getline(file, line);) {
+    if (!line.empty()) last = line;
+  }
+  return last;
+}
+
+// What the packing of `member` has to say about forces and gaps.
+bool ReadSamples(const std::string& folder,
+                 const ContactEnergyOptions& options,
+                 Member* member,
+                 PackingSamples* samples) {
+  Packing packing;
+  std::string error;
+  if (!ReadPacking(folder + "/packing.xyz", &packing, &error)) {
+    member->failure = error;
+    return false;
+  }
+  const auto energy = ContactEnergy::Create(packing, options, &error);
+  if (energy == nullptr) {
+    member->failure = error;
+    return false;
+  }
+  const std::vector<double> zero(energy->NumParameters(), 0.0);
+  samples->particles = member->particles;
+  samples->seed = member->seed;
+  if (!CollectSamples(packing,
+                      energy->Contacts(zero.data()),
+                      kMaxGap,
+                      &samples->samples,
+                      &error)) {
+    member->failure = error;
+    return false;
+  }
+  return true;
+}
+
+Json SizeJson(const SizeStatistics& s) {
+  Json json;
+  json["particles"] = s.particles;
+  json["asked"] = s.asked;
+  json["complete"] = s.complete;
+  json["converged"] = s.converged;
+  json["isostatic"] = s.isostatic;
+  json["certified"] = s.certified;
+  if (s.complete > 0) {
+    json["phi_j"] = s.mean;
+    json["standard_deviation"] = s.deviation;
+    json["standard_error"] = s.standard_error;
+    json["least"] = s.least;
+    json["most"] = s.most;
+    json["largest_error_bar"] = s.largest_error;
+    json["rattlers"] = s.rattlers;
+    json["median_seconds"] = s.median_seconds;
+  }
+  return json;
+}
+
+std::string SizesCsv(const std::vector<SizeStatistics>& sizes) {
+  std::string csv =
+      "particles,asked,complete,converged,isostatic,certified,phi_j,"
+      "standard_deviation,standard_error,least,most,largest_error_bar,"
+      "rattlers\n";
+  for (const SizeStatistics& s : sizes) {
+    if (s.complete == 0) continue;
+    csv +=
+        Format("%d,%d,%d,%d,%d,%d,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\n",
+               s.particles,
+               s.asked,
+               s.complete,
+               s.converged,
+               s.isostatic,
+               s.certified,
+               s.mean,
+               s.deviation,
+               s.standard_error,
+               s.least,
+               s.most,
+               s.largest_error,
+               s.rattlers);
+  }
+  return csv;
+}
+
+void PrintMembers(const std::vector<Member>& members) {
+  std::printf(
+      "\n    grains  seed  phi_J           error bar  excess  rattlers  "
+      "cycles  relaxations  evaluations        s  certificate\n");
+  for (const Member& m : members) {
+    std::printf("    %6d  %4llu  ",
+                m.particles,
+                static_cast<unsigned long long>(m.seed));
+    if (!m.complete) {
+      std::printf("-               %s\n", m.failure.c_str());
+      continue;
+    }
+    std::printf("%.12f  %9.1e%s %6d  %8d  %6d  %11d  %11lld  %7.3g  %s\n",
+                m.phi_j,
+                m.error,
+                m.converged ? " " : "!",
+                m.excess_contacts,
+                m.rattlers,
+                m.cycles,
+                m.relaxations,
+                static_cast<long long>(m.evaluations),
+                m.seconds,
+                m.certificate.empty() ? "none" : m.certificate.c_str());
+  }
+  if (std::any_of(members.begin(), members.end(), [](const Member& m) {
+        return m.complete && !m.converged;
+      })) {
+    std::printf("    ! error bar above what was asked\n");
+  }
+}
+
+void PrintSizes(const std::vector<SizeStatistics>& sizes) {
+  std::printf(
+      "\n    grains  packings  mean phi_J  deviation  s. e.     least     most "
+      " "
+      "    largest error bar  isostatic  certified\n");
+  for (const SizeStatistics& s : sizes) {
+    if (s.complete == 0) {
+      std::printf("    %6d  %8d\n", s.particles, 0);
+      continue;
+    }
+    std::printf(
+        "    %6d  %8d  %.6f    %.6f   %.6f  %.6f  %.6f  %17.1e  %9s  %9s\n",
+        s.particles,
+        s.complete,
+        s.mean,
+        s.deviation,
+        s.standard_error,
+        s.least,
+        s.most,
+        s.largest_error,
+        Format("%d of %d", s.isostatic, s.complete).c_str(),
+        Format("%d of %d", s.certified, s.complete).c_str());
+  }
+}
+
+}  // namespace
+
+Ensemble ReadEnsembleFlags() {
+  Ensemble ensemble;
+  ensemble.asked = IsGiven("seeds");
+  if (!ensemble.asked) {
+    for (const char* flag : {"sizes", "jobs"}) {
+      if (IsGiven(flag)) BadInput(std::string("--") + flag + " needs --seeds");
+    }
+    return ensemble;
+  }
+  std::string error;
+  if (!ParseSeeds(FLAGS_seeds, &ensemble.seeds, &error)) {
+    BadInput("--seeds: " + error);
+  }
+  if (IsGiven("seed")) BadInput("--seed and --seeds exclude each other");
+  if (IsGiven("input")) {
+    BadInput("--seeds describes random starts and cannot go with --input");
+  }
+  if (IsGiven("sizes")) {
+    if (IsGiven("particles")) {
+      BadInput("--particles and --sizes exclude each other");
+    }
+    std::vector<double> sizes;
+    if (!ParseNumbers(FLAGS_sizes, &sizes, &error)) {
+      BadInput("--sizes: " + error);
+    }
+    for (const double size : sizes) {
+      if (size != std::floor(size) || !(size >= 1 && size <= kMaxSize)) {
+        BadInput(Format(
+            "--sizes: %g is no number of grains in [1, %d]", size, kMaxSize));
+      }
+      ensemble.sizes.push_back(static_cast<int>(size));
+    }
+  }
+  CheckRange("jobs", FLAGS_jobs, 1, kMaxJobs);
+  ensemble.jobs = FLAGS_jobs;
+  gflags::CommandLineFlagInfo info;
+  ensemble.resume = gflags::GetCommandLineFlagInfo("resume", &info) &&
+                    info.current_value == "true";
+  std::vector<gflags::CommandLineFlagInfo> all;
+  gflags::GetAllFlags(&all);
+  for (const auto& flag : all) {
+    // Not those of gflags and glog themselves.
+    if (flag.is_default || IsOwn(flag.name) ||
+        flag.filename.find("experiments/") == std::string::npos) {
+      continue;
+    }
+    ensemble.passed.push_back("--" + flag.name + "=" + flag.current_value);
+  }
+  return ensemble;
+}
+
+SizeStatistics Summarize(const std::vector<Member>& members, int particles) {
+  SizeStatistics s;
+  s.particles = particles;
+  s.least = std::numeric_limits<double>::infinity();
+  s.most = -s.least;
+  std::vector<double> seconds;
+  // Differences from the first: a sum of phi_J would round where they differ by
+  // little.
+  double first = 0.0, sum = 0.0, rattlers = 0.0;
+  for (const Member& m : members) {
+    if (m.particles != particles) continue;
+    ++s.asked;
+    if (!m.complete) continue;
+    if (s.complete++ == 0) first = m.phi_j;
+    s.converged += m.converged ? 1 : 0;
+    s.isostatic += m.excess_contacts == 0 ? 1 : 0;
+    s.certified += m.certificate == "strict minimum" ? 1 : 0;
+    sum += m.phi_j - first;
+    rattlers += static_cast<double>(m.rattlers) / m.particles;
+    s.least = std::min(s.least, m.phi_j);
+    s.most = std::max(s.most, m.phi_j);
+    s.largest_error = std::max(s.largest_error, m.error);
+    seconds.push_back(m.seconds);
+  }
+  if (s.complete == 0) {
+    s.least = s.most = 0.0;
+    return s;
+  }
+  s.mean = first + sum / s.complete;
+  s.rattlers = rattlers / s.complete;
+  double squares = 0.0;
+  for (const Member& m : members) {
+    if (m.particles == particles && m.complete) {
+      squares += (m.phi_j - s.mean) * (m.phi_j - s.mean);
+    }
+  }
+  if (s.complete > 1) {
+    s.deviation = std::sqrt(squares / (s.complete - 1));
+    s.standard_error = s.deviation / std::sqrt(static_cast<double>(s.complete));
+  }
+  std::sort(seconds.begin(), seconds.end());
+  const std::size_t half = seconds.size() / 2;
+  s.median_seconds = seconds.size() % 2 == 1
+                         ? seconds[half]
+                         : 0.5 * (seconds[half - 1] + seconds[half]);
+  return s;
+}
+
+double FiniteSizeExponent(int dimension) { return 1.41 / dimension; }
+
+LineFit FitFiniteSize(const std::vector<SizeStatistics>& sizes,
+                      double exponent) {
+  std::vector<double> x, y, error;
+  for (const SizeStatistics& s : sizes) {
+    if (s.complete < 2 || !(s.standard_error > 0.0)) continue;
+    x.push_back(std::pow(s.particles, -exponent));
+    y.push_back(s.mean);
+    error.push_back(s.standard_error);
+  }
+  return FitLine(x, y, error);
+}
+
+std::string EnsembleCsv(const std::vector<Member>& members) {
+  std::string csv =
+      "particles,seed,phi_j,error,converged,rigid_grains,excess_contacts,"
+      "rattlers,certificate,cycles,relaxations,evaluations,seconds\n";
+  for (const Member& m : members) {
+    if (!m.complete) continue;
+    // Verdicts have commas in them.
+    csv += Format("%d,%llu,%.17g,%.17g,%d,%d,%d,%d,\"%s\",%d,%d,%lld,%.6g\n",
+                  m.particles,
+                  static_cast<unsigned long long>(m.seed),
+                  m.phi_j,
+                  m.error,
+                  m.converged ? 1 : 0,
+                  m.rigid_grains,
+                  m.excess_contacts,
+                  m.rattlers,
+                  m.certificate.c_str(),
+                  m.cycles,
+                  m.relaxations,
+                  static_cast<long long>(m.evaluations),
+                  m.seconds);
+  }
+  return csv;
+}
+
+int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
+  std::vector<int> sizes = ensemble.sizes;
+  if (sizes.empty()) sizes = {FLAGS_particles};
+  Output output;
+  output.Create(FLAGS_out,
+                WithDistributionFiles({"summary.json",
+                                       "ensemble.csv",
+                                       "sizes.csv",
+                                       "ensemble.svg",
+                                       "ensemble.png",
+                                       "finite_size.svg",
+                                       "finite_size.png"}));
+  std::vector<Member> members;
+  std::vector<Job> jobs;
+  std::vector<std::size_t> member_of_job;
+  int reused = 0;
+  for (const int size : sizes) {
+    for (const std::uint64_t seed : ensemble.seeds) {
+      Member member;
+      member.particles = size;
+      member.seed = seed;
+      Job job;
+      job.name = NameOf(member);
+      const std::string folder = output.Path(job.name);
+      job.program = kThisProgram;
+      job.log = folder + "/log.txt";
+      job.weight = std::pow(size, 1.5);
+      job.arguments = {
+          "jamming",
+          Format("--seed=%llu", static_cast<unsigned long long>(seed)),
+          Format("--particles=%d", size),
+          "--out=" + folder,
+          "--pictures=false"};
+      job.arguments.insert(
+          job.arguments.end(), ensemble.passed.begin(), ensemble.passed.end());
+      Json json;
+      const bool ended = ReadSummary(folder, &json);
+      const bool complete =
+          ensemble.resume && ended && IsOf(json, job.arguments);
+      if (complete) {
+        ++reused;
+      } else {
+        if (mkdir(folder.c_str(), 0755) != 0 && errno != EEXIST) {
+          BadInput("--out: cannot create folder '" + folder +
+                   "': " + std::strerror(errno));
+        }
+        // What an earlier run left behind must not be taken for the result of
+        // one that did not get that far.
+        std::remove((folder + "/summary.json").c_str());
+        // A run that ended was one with other flags: there is nothing to go on
+        // from.
+        if (ensemble.resume && !ended) job.arguments.push_back("--resume");
+        member_of_job.push_back(members.size());
+        jobs.push_back(job);
+      }
+      members.push_back(member);
+    }
+  }
+  const int d = FLAGS_dimension;
+  std::printf("jamming   %d packings, alpha = %g: seeds %s, grains",
+              static_cast<int>(members.size()),
+              energy.alpha,
+              FLAGS_seeds.c_str());
+  for (const int size : sizes) std::printf(" %d", size);
+  std::printf("; %d at a time\n", ensemble.jobs);
+  if (reused > 0) {
+    std::printf("          %d of them complete, not run again\n", reused);
+  }
+  std::fflush(stdout);
+
+  bool interrupted = false;
+  std::vector<JobOutcome> outcomes;
+  {
+    Progress progress;
+    outcomes = RunJobs(
+        jobs,
+        ensemble.jobs,
+        [&progress](const JobProgress& p) {
+          if (!progress.Due()) return;
+          std::string line = Format("%d of %d runs done, %d running, %.0f s",
+                                    p.done,
+                                    p.total,
+                                    p.running,
+                                    p.seconds);
+          if (p.interrupted) {
+            line += "; interrupted, waiting for those to end";
+          } else if (p.done > 0) {
+            line += Format(", about %.0f s left", p.seconds_left);
+          }
+          progress.Show(line);
+        },
+        &interrupted);
+  }
+  for (std::size_t k = 0; k < jobs.size(); ++k) {
+    const JobOutcome& outcome = outcomes[k];
+    if (outcome.state == JobOutcome::EXITED &&
+        (outcome.status == kConverged || outcome.status == kNotConverged)) {
+      continue;
+    }
+    Member& member = members[member_of_job[k]];
+    member.failure = Describe(outcome);
+    if (outcome.state == JobOutcome::NOT_STARTED) continue;
+    const std::string last = LastLine(jobs[k].log);
+    if (outcome.state == JobOutcome::EXITED && !last.empty()) {
+      member.failure += ": " + last;
+    }
+    std::fprintf(stderr,
+                 "jamming: %s: %s\n",
+                 jobs[k].name.c_str(),
+                 member.failure.c_str());
+  }
+
+  std::vector<PackingSamples> samples;
+  for (Member& member : members) {
+    if (!member.failure.empty()) continue;
+    const std::string folder = output.Path(NameOf(member));
+    Json json;
+    if (!ReadSummary(folder, &json)) {
+      member.failure = "no summary.json that can be read";
+      continue;
+    }
+    ReadMember(json, &member);
+    PackingSamples s;
+    if (member.complete && ReadSamples(folder, energy, &member, &s)) {
+      samples.push_back(std::move(s));
+    }
+  }
+
+  std::vector<SizeStatistics> statistics;
+  std::string rows;
+  Json json;
+  json["packings"] = members.size();
+  json["interrupted"] = interrupted;
+  json["dimension"] = d;
+  json["alpha"] = energy.alpha;
+  json["failures"] = Json::array();
+  bool all = true;
+  for (const Member& m : members) {
+    all = all && m.complete && m.converged;
+    if (m.complete) continue;
+    json["failures"].push_back({{"run", NameOf(m)}, {"line", m.failure}});
+  }
+  json["sizes"] = Json::array();
+  std::vector<std::pair<int, DistributionFits>> fits;
+  for (const int size : sizes) {
+    statistics.push_back(Summarize(members, size));
+    json["sizes"].push_back(SizeJson(statistics.back()));
+    std::vector<PackingSamples> of_size;
+    for (const PackingSamples& s : samples) {
+      if (s.particles == size) of_size.push_back(s);
+    }
+    fits.push_back({size, FitDistributions(of_size)});
+    json["sizes"].back()["distributions"] = FitsJson(fits.back().second);
+    rows += FitsCsvRows(size, fits.back().second);
+  }
+  const double exponent = FiniteSizeExponent(d);
+  const LineFit line = FitFiniteSize(statistics, exponent);
+  if (line.n > 0) {
+    json["finite_size"] = {{"phi_infinity", line.a},
+                           {"phi_infinity_error", line.a_error},
+                           {"c", -line.b},
+                           {"c_error", line.b_error},
+                           {"exponent", exponent},
+                           {"chi2", line.chi2},
+                           {"degrees_of_freedom", line.n - 2}};
+  }
+  json["schema"] = "granopt/jamming_ensemble/1";
+  json["provenance"] = Provenance();
+
+  output.Write("ensemble.csv", EnsembleCsv(members));
+  output.Write("sizes.csv", SizesCsv(statistics));
+  WriteDistributions(samples, rows, &output);
+  output.WriteJson("summary.json", json);
+  if (std::any_of(members.begin(), members.end(), [](const Member& m) {
+        return m.complete;
+      })) {
+    output.Plot({"ensemble",
+                 output.Path("ensemble.csv"),
+                 output.Path("ensemble"),
+                 Format("--dimension=%d", d)},
+                {"ensemble.svg", "ensemble.png"});
+    std::vector<std::string> arguments = {"finite_size",
+                                          output.Path("sizes.csv"),
+                                          output.Path("finite_size"),
+                                          Format("--dimension=%d", d)};
+    if (line.n > 0) {
+      arguments.push_back(Format("--fit=%.17g,%.17g,%.17g,%.17g,%.17g",
+                                 line.a,
+                                 line.a_error,
+                                 -line.b,
+                                 line.b_error,
+                                 exponent));
+    }
+    if (sizes.size() > 1) {
+      output.Plot(arguments, {"finite_size.svg", "finite_size.png"});
+    }
+  }
+
+  PrintMembers(members);
+  PrintSizes(statistics);
+  if (line.n > 0) {
+    std::printf(
+        "\n  N -> infinity %.6f +- %.6f, phi_J(N) = that - (%.4f +- %.4f) "
+        "N^-%.3f%s\n",
+        line.a,
+        line.a_error,
+        -line.b,
+        line.b_error,
+        exponent,
+        line.n > 2
+            ? Format(", chi^2 = %.1f of %d", line.chi2, line.n - 2).c_str()
+            : "");
+    if (d == 2) {
+      std::printf("  literature    0.8418 for a rapid quench\n");
+    }
+  }
+  std::printf("\n  weak forces P(f) ~ f^theta, small gaps P(h) ~ h^-gamma\n");
+  for (const auto& [size, fit] : fits) {
+    std::printf("    %6d  %s\n", size, FitsLine(fit).c_str());
+  }
+  std::printf("    theory  theta_l = %.3f, theta_e = %.3f, gamma = %.3f\n",
+              kThetaLocalized,
+              kThetaExtended,
+              kGamma);
+  if (interrupted) {
+    std::printf("\ninterrupted: %d of %d packings have a result\n",
+                static_cast<int>(
+                    std::count_if(members.begin(),
+                                  members.end(),
+                                  [](const Member& m) { return m.complete; })),
+                static_cast<int>(members.size()));
+  }
+  output.PrintFiles();
+  return all ? kConverged : kNotConverged;
+}
+
+}  // namespace granopt

@@ -1,0 +1,198 @@
+#include "experiments/tabular.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+#include "solvers/format.h"
+
+namespace granopt {
+
+bool Fail(const std::string& line, std::string* error) {
+  *error = line;
+  return false;
+}
+
+bool ParseDouble(const std::string& text, double* value) {
+  char* end = nullptr;
+  *value = std::strtod(text.c_str(), &end);
+  return !text.empty() && *end == '\0';
+}
+
+bool ParseInteger(const std::string& text, std::int64_t* value) {
+  char* end = nullptr;
+  *value = std::strtoll(text.c_str(), &end, 10);
+  return !text.empty() && *end == '\0';
+}
+
+// ---------------------------------------------------------------- CSV
+
+std::string Field(const std::string& text) {
+  if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) {
+    if (c == '"') quoted += '"';
+    quoted += c;
+  }
+  return quoted + "\"";
+}
+
+std::string Number(double value) { return Format("%.17g", value); }
+std::string Number(std::int64_t value) {
+  return Format("%lld", static_cast<long long>(value));
+}
+
+bool CsvReader::Begin(std::string* error) {
+  std::vector<std::string> names;
+  if (!Next(&names)) return Fail(name_ + ": empty", error);
+  for (std::size_t k = 0; k < names.size(); ++k) columns_[names[k]] = k;
+  return true;
+}
+
+bool CsvReader::Row() {
+  while (Next(&row_)) {
+    if (row_.size() > 1 || !row_[0].empty()) return true;
+  }
+  return false;
+}
+
+void CsvReader::Read(const char* column, std::string* value) {
+  const auto found = columns_.find(column);
+  if (found == columns_.end()) {
+    Complain(1, std::string("no column ") + column);
+  } else if (found->second >= row_.size()) {
+    Complain(line_,
+             Format("%zu columns, expected %zu", row_.size(), columns_.size()));
+  } else {
+    *value = row_[found->second];
+  }
+}
+
+void CsvReader::Read(const char* column, double* value) {
+  std::string text;
+  Read(column, &text);
+  if (!ParseDouble(text, value)) NotNumber(column, text);
+}
+
+void CsvReader::Read(const char* column, std::int64_t* value) {
+  std::string text;
+  Read(column, &text);
+  if (!ParseInteger(text, value)) NotNumber(column, text);
+}
+
+void CsvReader::Read(const char* column, int* value) {
+  std::int64_t wide = 0;
+  Read(column, &wide);
+  *value = static_cast<int>(wide);
+}
+
+void CsvReader::Read(const char* column, std::uint64_t* value) {
+  std::string text;
+  Read(column, &text);
+  char* end = nullptr;
+  *value = std::strtoull(text.c_str(), &end, 10);
+  if (text.empty() || *end != '\0') NotNumber(column, text);
+}
+
+void CsvReader::Read(const char* column, bool* value) {
+  int number = 0;
+  Read(column, &number);
+  *value = number != 0;
+}
+
+void CsvReader::NotNumber(const char* column, const std::string& text) {
+  Complain(line_, std::string(column) + ": '" + text + "' is not a number");
+}
+
+void CsvReader::Complain(int line, const std::string& what) {
+  if (error_.empty()) error_ = Format("%s:%d: ", name_.c_str(), line) + what;
+}
+
+bool CsvReader::Next(std::vector<std::string>* fields) {
+  if (at_ >= text_.size()) return false;
+  ++line_;
+  fields->assign(1, "");
+  bool quoted = false;
+  for (; at_ < text_.size(); ++at_) {
+    const char c = text_[at_];
+    if (quoted) {
+      if (c != '"') {
+        fields->back() += c;
+      } else if (at_ + 1 < text_.size() && text_[at_ + 1] == '"') {
+        fields->back() += text_[++at_];
+      } else {
+        quoted = false;
+      }
+    } else if (c == '"') {
+      quoted = true;
+    } else if (c == ',') {
+      fields->emplace_back();
+    } else if (c == '\n') {
+      ++at_;
+      return true;
+    } else if (c != '\r') {
+      fields->back() += c;
+    }
+  }
+  return true;
+}
+
+// ---------------------------------------------------------------- text
+
+int Width(const std::string& text) {
+  int width = 0;
+  for (const char c : text) width += (static_cast<unsigned char>(c) >> 6) != 2;
+  return width;
+}
+
+std::string Grid(const std::vector<std::vector<std::string>>& rows,
+                 int words,
+                 bool markdown,
+                 int names) {
+  const int columns = static_cast<int>(rows[0].size());
+  std::vector<int> width(columns, 0);
+  for (const auto& row : rows) {
+    for (int c = 0; c < columns; ++c) {
+      width[c] = std::max(width[c], Width(row[c]));
+    }
+  }
+  std::string text;
+  for (std::size_t r = 0; r < rows.size(); ++r) {
+    std::string line = markdown ? "|" : "   ";
+    for (int c = 0; c < columns; ++c) {
+      const std::string& word = rows[r][c];
+      if (markdown) {
+        line += " ";
+        for (const char ch : word)
+          line += ch == '|' ? "\\|" : std::string(1, ch);
+        line += " |";
+        continue;
+      }
+      const std::string air(width[c] - Width(word), ' ');
+      const bool left = c < names || c >= columns - words;
+      line += (c == 0 ? " " : "  ") + (left ? word + air : air + word);
+    }
+    text += line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
+    if (markdown && r == 0) {
+      text += "|";
+      for (int c = 0; c < columns; ++c) {
+        text += c < names || c >= columns - words ? " --- |" : " ---: |";
+      }
+      text += "\n";
+    }
+  }
+  return text;
+}
+
+std::string Count(double value) {
+  return std::isinf(value) ? "never" : Format("%.0f", value);
+}
+std::string Seconds(double value) {
+  return std::isinf(value) ? "never" : Format("%.3g", value);
+}
+std::string Ratio(double value) {
+  return std::isinf(value) ? "never"
+                           : Format(value < 0.095 ? "%.2g" : "%.2f", value);
+}
+
+}  // namespace granopt

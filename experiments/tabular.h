@@ -1,0 +1,84 @@
+// granopt: CSV files and tables of text, which comparisons read and write.
+
+#ifndef GRANOPT_EXPERIMENTS_TABULAR_H_
+#define GRANOPT_EXPERIMENTS_TABULAR_H_
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace granopt {
+
+// False, with `line` in `error`.
+bool Fail(const std::string& line, std::string* error);
+
+// The whole text is one number.
+bool ParseDouble(const std::string& text, double* value);
+bool ParseInteger(const std::string& text, std::int64_t* value);
+
+// ---------------------------------------------------------------- CSV
+
+// Quoted if it must be.
+std::string Field(const std::string& text);
+std::string Number(double value);  // all digits
+std::string Number(std::int64_t value);
+
+// Reads rows by the names of their columns.
+class CsvReader {
+ public:
+  // `text` must outlive the reader; `name` is for error lines.
+  CsvReader(const std::string& text, const std::string& name)
+      : text_(text), name_(name) {}
+
+  // The header.
+  bool Begin(std::string* error);
+  // The next row; false at the end.
+  bool Row();
+  bool Has(const char* column) const { return columns_.count(column) > 0; }
+
+  void Read(const char* column, std::string* value);
+  void Read(const char* column, double* value);
+  void Read(const char* column, std::int64_t* value);
+  void Read(const char* column, int* value);
+  void Read(const char* column, std::uint64_t* value);
+  void Read(const char* column, bool* value);  // 0 or 1
+  void Complain(const std::string& what) { Complain(line_, what); }
+
+  // The first complaint, "name:line: what".
+  const std::string& error() const { return error_; }
+
+ private:
+  void NotNumber(const char* column, const std::string& text);
+  void Complain(int line, const std::string& what);
+  bool Next(std::vector<std::string>* fields);
+
+  const std::string& text_;
+  const std::string name_;
+  std::size_t at_ = 0;
+  int line_ = 0;
+  std::map<std::string, std::size_t> columns_;
+  std::vector<std::string> row_;
+  std::string error_;
+};
+
+// ---------------------------------------------------------------- text
+
+// Characters, not bytes.
+int Width(const std::string& text);
+
+// The first `names` columns to the left, the others to the right, but for the
+// last `words` ones.
+std::string Grid(const std::vector<std::vector<std::string>>& rows,
+                 int words,
+                 bool markdown,
+                 int names = 1);
+
+// Numbers of tables; infinite: "never".
+std::string Count(double value);
+std::string Seconds(double value);
+std::string Ratio(double value);
+
+}  // namespace granopt
+
+#endif  // GRANOPT_EXPERIMENTS_TABULAR_H_
