@@ -342,7 +342,8 @@ TEST_F(EnsembleCli, BadInputIsOneLineAndLeavesNothing) {
                 "--particles and --sizes exclude each other");
   ExpectRefused("--seeds=1-3 --sizes=32x4",
                 "--sizes: 32x4: after the x belongs how many of the 3 seeds");
-  ExpectRefused("--seeds=1-3 --sizes=32x", "--sizes: 32x: after the x");
+  ExpectRefused("--seeds=1-3 --sizes=32x",
+                "--sizes: 32x: after the x belongs how many of the 3 seeds");
   ExpectRefused("--seeds=1-3 --sizes=32.5",
                 "--sizes: 32.5 is no number of grains in [1, 10000000]");
   ExpectRefused("--seeds=1-3 --input=x.xyz",
