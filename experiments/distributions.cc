@@ -12,6 +12,7 @@ constexpr double kMostForce = 1.0;
 struct Quantity {
   const char* name;        // in files
   const char* short_name;  // in the report
+  const char* samples;     // there, too
   double literature;
   double sign;  // of the exponent of the density
   PowerLawFit DistributionFits::*fit;
@@ -19,15 +20,17 @@ struct Quantity {
 const Quantity kQuantities[] = {
     {"theta_localized",
      "theta_l",
+     "forces",
      kThetaLocalized,
      1.0,
      &DistributionFits::localized},
     {"theta_extended",
      "theta_e",
+     "forces",
      kThetaExtended,
      1.0,
      &DistributionFits::extended},
-    {"gamma", "gamma", kGamma, -1.0, &DistributionFits::gaps},
+    {"gamma", "gamma", "gaps", kGamma, -1.0, &DistributionFits::gaps},
 };
 
 std::vector<double> Sorted(std::vector<double> values) {
@@ -101,11 +104,12 @@ std::string FitsLine(const DistributionFits& fits) {
     const PowerLawFit& fit = fits.*q.fit;
     if (!line.empty()) line += ", ";
     line += q.short_name;
-    line += fit.n == 0 ? std::string(" = ?")
-                       : Format(" = %.3f +- %.3f (%d)",
+    line += fit.n == 0 ? std::string(" unknown")
+                       : Format(" = %.3f +- %.3f (%d %s)",
                                 q.sign * fit.exponent,
                                 fit.error,
-                                fit.n);
+                                fit.n,
+                                q.samples);
   }
   return line;
 }
@@ -208,7 +212,12 @@ std::string PublishDistributions(const Packing& packing,
   const DistributionFits fits = FitDistributions({p});
   (*json)["distributions"] = FitsJson(fits);
   WriteDistributions({p}, FitsCsvRows(p.particles, fits), output);
-  return "distributions " + FitsLine(fits) + "\n";
+  return "distributions " + FitsLine(fits) +
+         Format(
+             "\n                theory: %.3f, %.3f, %.3f, for many packings\n",
+             kThetaLocalized,
+             kThetaExtended,
+             kGamma);
 }
 
 }  // namespace granopt

@@ -41,7 +41,7 @@ DistributionFits FitDistributions(const std::vector<PackingSamples>& packings);
 // "ks_distance", "literature"}, "theta_extended": ..., "gamma": ...}; null
 // where there is no fit.
 Json FitsJson(const DistributionFits& fits);
-// "theta_l = 0.19 +- 0.02 (0.175), theta_e = ..., gamma = ...".
+// "theta_l = 0.19 +- 0.02 (421 forces), theta_e = ..., gamma = ...".
 std::string FitsLine(const DistributionFits& fits);
 
 // particles,seed,kind,force and particles,seed,gap, sorted by value.

@@ -22,10 +22,11 @@ DEFINE_string(seeds,
               "",
               "many packings: a run for each of these seeds, as in 1-20 or "
               "1,4,7 (instead of --seed)");
-DEFINE_string(sizes,
-              "",
-              "with --seeds: numbers of grains, as in 64,128,256 (instead of "
-              "--particles)");
+DEFINE_string(
+    sizes,
+    "",
+    "with --seeds: numbers of grains, as in 64,256,1024x5 (instead of "
+    "--particles); x5: with the first five seeds only");
 DEFINE_int32(jobs, 1, "with --seeds: runs at a time");
 
 namespace granopt {
@@ -277,10 +278,31 @@ Ensemble ReadEnsembleFlags() {
     if (IsGiven("particles")) {
       BadInput("--particles and --sizes exclude each other");
     }
+    // "64,4096x3": what follows an x is taken out first.
+    std::string numbers;
+    std::vector<std::size_t> most;
+    std::stringstream parts(FLAGS_sizes);
+    for (std::string part; std::getline(parts, part, ',');) {
+      const std::size_t x = part.find('x');
+      most.push_back(ensemble.seeds.size());
+      if (x != std::string::npos) {
+        std::vector<double> count;
+        if (!ParseNumbers(part.substr(x + 1), &count, &error) ||
+            count.size() != 1 || count[0] != std::floor(count[0]) ||
+            count[0] > static_cast<double>(most.back())) {
+          BadInput("--sizes: " + part +
+                   ": after the x belongs how many of the " +
+                   Format("%zu seeds", most.back()));
+        }
+        most.back() = static_cast<std::size_t>(count[0]);
+      }
+      numbers += (numbers.empty() ? "" : ",") + part.substr(0, x);
+    }
     std::vector<double> sizes;
-    if (!ParseNumbers(FLAGS_sizes, &sizes, &error)) {
+    if (!ParseNumbers(numbers, &sizes, &error)) {
       BadInput("--sizes: " + error);
     }
+    ensemble.seeds_of_size = most;
     for (const double size : sizes) {
       if (size != std::floor(size) || !(size >= 1 && size <= kMaxSize)) {
         BadInput(Format(
@@ -396,7 +418,11 @@ std::string EnsembleCsv(const std::vector<Member>& members) {
 
 int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
   std::vector<int> sizes = ensemble.sizes;
-  if (sizes.empty()) sizes = {FLAGS_particles};
+  std::vector<std::size_t> seeds_of_size = ensemble.seeds_of_size;
+  if (sizes.empty()) {
+    sizes = {FLAGS_particles};
+    seeds_of_size = {ensemble.seeds.size()};
+  }
   Output output;
   output.Create(FLAGS_out,
                 WithDistributionFiles({"summary.json",
@@ -410,8 +436,10 @@ int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
   std::vector<Job> jobs;
   std::vector<std::size_t> member_of_job;
   int reused = 0;
-  for (const int size : sizes) {
-    for (const std::uint64_t seed : ensemble.seeds) {
+  for (std::size_t k = 0; k < sizes.size(); ++k) {
+    const int size = sizes[k];
+    for (std::size_t n = 0; n < seeds_of_size[k]; ++n) {
+      const std::uint64_t seed = ensemble.seeds[n];
       Member member;
       member.particles = size;
       member.seed = seed;

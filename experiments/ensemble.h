@@ -18,6 +18,8 @@ struct Ensemble {
   bool asked = false;  // --seeds is given
   std::vector<std::uint64_t> seeds;
   std::vector<int> sizes;  // empty: --particles
+  // How many of the seeds each size takes, from the first.
+  std::vector<std::size_t> seeds_of_size;
   int jobs = 1;
   bool resume = false;  // of a binary that has the flag
   // Every other flag that the user gave, as --name=value, for the children.

@@ -286,6 +286,14 @@ TEST_F(EnsembleCli, HowManyAtATimeChangesNothing) {
   EXPECT_TRUE(Exists(folder_ + "/a/n32_seed1/log.txt"));
 }
 
+TEST_F(EnsembleCli, ASizeMayTakeTheFirstSeedsOnly) {
+  ASSERT_EQ(Do("--smoke --out=out --seeds=4-6 --sizes=32,40x1"), 0) << err_;
+  const std::string csv = Slurp(folder_ + "/out/ensemble.csv");
+  EXPECT_NE(csv.find("\n32,6,"), std::string::npos) << csv;
+  EXPECT_NE(csv.find("\n40,4,"), std::string::npos) << csv;
+  EXPECT_EQ(csv.find("\n40,5,"), std::string::npos) << csv;
+}
+
 TEST_F(EnsembleCli, ResumeRunsWhatIsMissing) {
   const std::string arguments = "--smoke --particles=32 --out=out ";
   ASSERT_EQ(Do(arguments + "--seeds=1,2"), 0) << err_;
@@ -332,6 +340,10 @@ TEST_F(EnsembleCli, BadInputIsOneLineAndLeavesNothing) {
   ExpectRefused("--jobs=2", "--jobs needs --seeds");
   ExpectRefused("--seeds=1-3 --sizes=32 --particles=32",
                 "--particles and --sizes exclude each other");
+  ExpectRefused("--seeds=1-3 --sizes=32x4",
+                "--sizes: 32x4: after the x belongs how many of the 3 seeds");
+  ExpectRefused("--seeds=1-3 --sizes=32x",
+                "--sizes: 32x: after the x belongs how many of the 3 seeds");
   ExpectRefused("--seeds=1-3 --sizes=32.5",
                 "--sizes: 32.5 is no number of grains in [1, 10000000]");
   ExpectRefused("--seeds=1-3 --input=x.xyz",
