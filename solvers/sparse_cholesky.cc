@@ -279,7 +279,7 @@ namespace {
 
 // Above this many multiplications the large fronts decide, for which the
 // library's BLAS has kernels that ours are no match for.
-constexpr double kMostFlops = 1e12;
+constexpr double kMostFlops = 1e11;
 
 }  // namespace
 
