@@ -27,7 +27,8 @@ double DefaultMemory() {
 
 class Direct : public LinearSolver {
  public:
-  Direct(Ordering ordering, double memory) : cholesky_(ordering) {
+  Direct(Ordering ordering, Factorizer factorizer, double memory)
+      : cholesky_(ordering, factorizer) {
     cholesky_.set_memory_limit(memory);
   }
 
@@ -155,6 +156,13 @@ std::unique_ptr<LinearSolver> MakeLinearSolver(Parameters* parameters) {
       "direct, conjugate gradients, or those with algebraic multigrid");
   const Ordering ordering = kOrderings[parameters->Choice(
       "ordering", "amd", "amd|metis|rcm", "of the unknowns, for cholesky")];
+  const Factorizer factorizer =
+      parameters->Choice("factor",
+                         "multifrontal",
+                         "multifrontal|library",
+                         "by our own code (amd only) or CHOLMOD's") == 0
+          ? Factorizer::FASTEST
+          : Factorizer::LIBRARY;
   const double tolerance =
       parameters->Double("linear_tolerance",
                          1e-8,
@@ -178,9 +186,9 @@ std::unique_ptr<LinearSolver> MakeLinearSolver(Parameters* parameters) {
   if (!SparseCholesky::Has(ordering)) {
     parameters->Refuse(
         "ordering", "metis", "needs CHOLMOD, which this build is without");
-    return std::make_unique<Direct>(Ordering::AMD, memory);
+    return std::make_unique<Direct>(Ordering::AMD, factorizer, memory);
   }
-  return std::make_unique<Direct>(ordering, memory);
+  return std::make_unique<Direct>(ordering, factorizer, memory);
 }
 
 }  // namespace granopt

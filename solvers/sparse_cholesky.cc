@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include "solvers/multifrontal_cholesky.h"
 #include "solvers/normalize.h"
 #include "solvers/one_thread.h"
 #include "solvers/reverse_cuthill_mckee.h"
@@ -274,9 +275,41 @@ std::string SparseCholesky::Library() {
 
 #endif
 
-SparseCholesky::SparseCholesky(Ordering ordering)
-    : backend_(std::make_unique<Backend>(ordering)) {}
+namespace {
+
+// Above this many multiplications the large fronts decide, for which the
+// library's BLAS has kernels that ours are no match for.
+constexpr double kMostFlops = 1e11;
+
+}  // namespace
+
+SparseCholesky::SparseCholesky(Ordering ordering, Factorizer factorizer)
+    : ordering_(ordering), wanted_(factorizer) {}
 SparseCholesky::~SparseCholesky() = default;
+
+Factorizer SparseCholesky::factorizer() const {
+  return multifrontal_ != nullptr ? Factorizer::MULTIFRONTAL
+                                  : Factorizer::LIBRARY;
+}
+
+bool SparseCholesky::Analyze(const SparseMatrix& lower) {
+  if (ordering_ == Ordering::AMD && wanted_ != Factorizer::LIBRARY) {
+    if (multifrontal_ == nullptr) {
+      multifrontal_ = std::make_unique<MultifrontalCholesky>();
+    }
+    if (multifrontal_->Analyze(lower) &&
+        (wanted_ == Factorizer::MULTIFRONTAL ||
+         multifrontal_->flops() <= kMostFlops)) {
+      bytes_ = multifrontal_->Bytes();
+      return true;
+    }
+    multifrontal_ = nullptr;
+  }
+  if (backend_ == nullptr) backend_ = std::make_unique<Backend>(ordering_);
+  if (!backend_->Analyze(lower)) return false;
+  bytes_ = backend_->Bytes();
+  return true;
+}
 
 bool SparseCholesky::Factorize(const SparseMatrix& lower,
                                std::int64_t pattern_version,
@@ -294,15 +327,20 @@ bool SparseCholesky::Factorize(const SparseMatrix& lower,
   if (probe != 0.0) return false;
   if (pattern_version != analyzed_version_ || size_ != lower.rows()) {
     size_ = -1;
-    if (lower.rows() > 0 && !backend_->Analyze(lower)) return false;
+    bytes_ = 0.0;
+    if (lower.rows() > 0 && !Analyze(lower)) return false;
     analyzed_version_ = pattern_version;
     size_ = static_cast<int>(lower.rows());
-    bytes_ = size_ > 0 ? backend_->Bytes() : 0.0;
     ++num_analyses_;
   }
   num_nonzeros_ = 0;
   if (size_ == 0) return true;
   if (ExceedsMemory()) return false;
+  if (multifrontal_ != nullptr) {
+    if (!multifrontal_->Factorize(values_.data(), shift)) return false;
+    num_nonzeros_ = multifrontal_->num_nonzeros();
+    return true;
+  }
   if (!backend_->Factorize(lower, values_.data(), shift)) return false;
   num_nonzeros_ = backend_->NumNonzeros();
   return true;
@@ -321,7 +359,16 @@ void SparseCholesky::Solve(const double* b, double* x, int columns) {
     }
     b = columns_.data();
   }
-  const double* solution = backend_->Solve(b, columns);
+  const double* solution = nullptr;
+  if (multifrontal_ != nullptr) {
+    solution_.resize(n * stride);
+    for (std::size_t c = 0; c < stride; ++c) {
+      multifrontal_->Solve(b + c * n, solution_.data() + c * n);
+    }
+    solution = solution_.data();
+  } else {
+    solution = backend_->Solve(b, columns);
+  }
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t c = 0; c < stride; ++c) {
       x[i * stride + c] = scale_ * solution[c * n + i];

@@ -13,6 +13,8 @@
 
 namespace granopt {
 
+class MultifrontalCholesky;
+
 // Which permutation keeps the factor sparse.
 enum class Ordering {
   AMD,    // approximate minimum degree
@@ -20,8 +22,16 @@ enum class Ordering {
   RCM,    // reverse Cuthill-McKee: a band
 };
 
-// L L^T = P (A + shift 1) P^T with a fill-reducing permutation P, by CHOLMOD
-// or, if built with -DGRANOPT_CHOLMOD=OFF, by Eigen's SimplicialLDLT (MPL2).
+// Who factors.
+enum class Factorizer {
+  FASTEST,       // MULTIFRONTAL with AMD for all but the largest, else LIBRARY
+  MULTIFRONTAL,  // MultifrontalCholesky; AMD only
+  LIBRARY,       // CHOLMOD or, in a build without, Eigen
+};
+
+// L L^T = P (A + shift 1) P^T with a fill-reducing permutation P, by our own
+// multifrontal factor, by CHOLMOD or, if built with -DGRANOPT_CHOLMOD=OFF, by
+// Eigen's SimplicialLDLT (MPL2).
 // The symbolic analysis is kept as long as the pattern version stays the same.
 //
 // The matrix is normalized by a power of two first: 2^a A with 2^a shift and
@@ -31,7 +41,8 @@ class SparseCholesky {
   // False for an ordering that this build is without.
   static bool Has(Ordering ordering);
 
-  explicit SparseCholesky(Ordering ordering = Ordering::AMD);
+  explicit SparseCholesky(Ordering ordering = Ordering::AMD,
+                          Factorizer factorizer = Factorizer::FASTEST);
   ~SparseCholesky();
   SparseCholesky(const SparseCholesky&) = delete;
   SparseCholesky& operator=(const SparseCholesky&) = delete;
@@ -62,15 +73,25 @@ class SparseCholesky {
   std::int64_t num_analyses() const { return num_analyses_; }
   std::int64_t num_nonzeros() const { return num_nonzeros_; }
 
+  // Who made the last factor, MULTIFRONTAL or LIBRARY.
+  Factorizer factorizer() const;
+
   // "CHOLMOD 3.0.14" or "Eigen 3.4.0 SimplicialLDLT".
   static std::string Library();
 
  private:
   class Backend;
+  bool Analyze(const SparseMatrix& lower);
+
   std::unique_ptr<Backend> backend_;
+  // Null unless it factors.
+  std::unique_ptr<MultifrontalCholesky> multifrontal_;
+  const Ordering ordering_;
+  const Factorizer wanted_;
   std::vector<double> values_;  // of the normalized matrix, scale_ * A
   double scale_ = 1.0;
-  std::vector<double> columns_;  // right-hand sides, no longer interleaved
+  // Right-hand sides, no longer interleaved, and solutions.
+  std::vector<double> columns_, solution_;
   std::int64_t analyzed_version_ = -1;
   std::int64_t num_analyses_ = 0;
   std::int64_t num_nonzeros_ = 0;

@@ -1,0 +1,579 @@
+#include "solvers/multifrontal_cholesky.h"
+
+#include <amd.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <cstring>
+#include <new>
+
+namespace granopt {
+namespace {
+
+// Doubles after the last column that the kernels may overwrite are at most
+// three columns and a register.
+constexpr int kSpareColumns = 3;
+
+int Even(int rows) { return rows + (rows & 1); }
+
+// The largest of 3, 2 and 1 for which every b columns have the same block rows,
+// all of them full.
+int BlockSize(const SparseMatrix& lower) {
+  const int* start = lower.outerIndexPtr();
+  const int* row = lower.innerIndexPtr();
+  const int n = static_cast<int>(lower.cols());
+  for (const int b : {2, 3}) {
+    bool fits = n % b == 0;
+    for (int j = 0; j < n && fits; j += b) {
+      // Column j + c begins with rows j + c to j + b - 1.
+      const int blocks = start[j + 1] - start[j];
+      fits = blocks % b == 0;
+      for (int c = 0; c < b && fits; ++c) {
+        fits = start[j + c + 1] - start[j + c] == blocks - c;
+        const int* column = row + start[j + c];
+        for (int k = c; k < blocks && fits; ++k) {
+          const int base = row[start[j] + k / b * b];
+          fits = column[k - c] == base + k % b && base % b == 0;
+        }
+      }
+    }
+    if (fits) return b;
+  }
+  return 1;
+}
+
+// Should a supernode of `columns` (in entries) be joined to its parent although
+// that stores this part of zeros?
+bool Relax(int columns, double zeros) {
+  return columns <= 8 || (columns <= 32 && zeros < 0.4) ||
+         (columns <= 96 && zeros < 0.1) || zeros < 0.03;
+}
+
+}  // namespace
+
+const DensePanel& FastestPanel() {
+#ifdef __x86_64__
+  __builtin_cpu_init();
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl")) {
+    return kAvx512Panel;
+  }
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
+    return kAvx2Panel;
+  }
+#endif
+  return kPortablePanel;
+}
+
+// Without the diagonal: block rows below it by block columns, and of the
+// permuted matrix the block columns left of it by block rows.
+struct MultifrontalCholesky::Graph {
+  std::vector<int> start, row;
+  std::vector<int> left_start, left;
+};
+
+bool MultifrontalCholesky::Order(const SparseMatrix& lower, Graph* graph) {
+  graph->start.assign(blocks_ + 1, 0);
+  graph->row.reserve(lower.nonZeros() / (block_ * block_));
+  for (int j = 0; j < blocks_; ++j) {
+    const int column = j * block_;
+    for (int k = lower.outerIndexPtr()[column];
+         k < lower.outerIndexPtr()[column + 1];
+         k += block_) {
+      const int i = lower.innerIndexPtr()[k] / block_;
+      if (i != j) graph->row.push_back(i);
+    }
+    graph->start[j + 1] = static_cast<int>(graph->row.size());
+  }
+  order_.resize(blocks_);
+  static int none = 0;  // AMD refuses null pointers
+  const int status = amd_order(blocks_,
+                               graph->start.data(),
+                               graph->row.empty() ? &none : graph->row.data(),
+                               order_.data(),
+                               nullptr,
+                               nullptr);
+  return status == AMD_OK;
+}
+
+namespace {
+
+// The postorder of a forest: node k of it comes at place[k].
+std::vector<int> Postorder(const std::vector<int>& parent) {
+  const int n = static_cast<int>(parent.size());
+  std::vector<int> first(n, -1), next(n, -1), place(n), path;
+  std::vector<int> roots;
+  for (int k = n - 1; k >= 0; --k) {
+    if (parent[k] < 0) {
+      roots.push_back(k);
+    } else {
+      next[k] = first[parent[k]];
+      first[parent[k]] = k;
+    }
+  }
+  int count = 0;
+  while (!roots.empty()) {
+    path.push_back(roots.back());
+    roots.pop_back();
+    while (!path.empty()) {
+      const int k = path.back();
+      if (first[k] >= 0) {
+        path.push_back(first[k]);
+        first[k] = next[first[k]];
+      } else {
+        place[k] = count++;
+        path.pop_back();
+      }
+    }
+  }
+  return place;
+}
+
+}  // namespace
+
+bool MultifrontalCholesky::Analyze(const SparseMatrix& lower) {
+  size_ = static_cast<int>(lower.cols());
+  for (int j = 0; j < size_; ++j) {
+    const int k = lower.outerIndexPtr()[j];
+    if (k == lower.outerIndexPtr()[j + 1] || lower.innerIndexPtr()[k] != j) {
+      return false;
+    }
+  }
+  block_ = BlockSize(lower);
+  blocks_ = size_ / block_;
+  Graph graph;
+  if (!Order(lower, &graph)) return false;
+  place_.resize(blocks_);
+  for (int k = 0; k < blocks_; ++k) place_[order_[k]] = k;
+
+  // Neighbours that come earlier, by rows of the permuted matrix.
+  const auto find_left = [&] {
+    graph.left_start.assign(blocks_ + 1, 0);
+    for (int j = 0; j < blocks_; ++j) {
+      for (int k = graph.start[j]; k < graph.start[j + 1]; ++k) {
+        ++graph.left_start[std::max(place_[j], place_[graph.row[k]]) + 1];
+      }
+    }
+    for (int k = 0; k < blocks_; ++k) {
+      graph.left_start[k + 1] += graph.left_start[k];
+    }
+    graph.left.resize(graph.row.size());
+    std::vector<int> at(graph.left_start.begin(), graph.left_start.end() - 1);
+    for (int j = 0; j < blocks_; ++j) {
+      for (int k = graph.start[j]; k < graph.start[j + 1]; ++k) {
+        const int a = place_[j], b = place_[graph.row[k]];
+        graph.left[at[std::max(a, b)]++] = std::min(a, b);
+      }
+    }
+  };
+  find_left();
+  // The elimination tree (Liu 1990, with compressed paths).
+  std::vector<int> parent(blocks_, -1), ancestor(blocks_, -1);
+  for (int k = 0; k < blocks_; ++k) {
+    for (int e = graph.left_start[k]; e < graph.left_start[k + 1]; ++e) {
+      for (int i = graph.left[e]; i >= 0 && i < k;) {
+        const int up = ancestor[i];
+        ancestor[i] = k;
+        if (up < 0) parent[i] = k;
+        i = up;
+      }
+    }
+  }
+  // In postorder, so that supernodes are contiguous and fronts form a stack.
+  const std::vector<int> post = Postorder(parent);
+  std::vector<int> order(blocks_), tree(blocks_, -1);
+  for (int k = 0; k < blocks_; ++k) {
+    order[post[k]] = order_[k];
+    if (parent[k] >= 0) tree[post[k]] = post[parent[k]];
+  }
+  order_.swap(order);
+  for (int k = 0; k < blocks_; ++k) place_[order_[k]] = k;
+  find_left();
+  FindSupernodes(graph, tree);
+  FindRows(graph);
+  PlaceEntries(lower);
+  return true;
+}
+
+void MultifrontalCholesky::FindSupernodes(const Graph& graph,
+                                          const std::vector<int>& parent) {
+  // Entries of each column of L: row k is the subtree that its entries span.
+  std::vector<int> count(blocks_, 1), seen(blocks_, -1);
+  for (int k = 0; k < blocks_; ++k) {
+    seen[k] = k;
+    for (int e = graph.left_start[k]; e < graph.left_start[k + 1]; ++e) {
+      for (int i = graph.left[e]; seen[i] != k; i = parent[i]) {
+        seen[i] = k;
+        ++count[i];
+      }
+    }
+  }
+  num_nonzeros_ = 0;
+  for (const int c : count) {
+    num_nonzeros_ += static_cast<std::int64_t>(c) * block_ * block_ -
+                     block_ * (block_ - 1) / 2;
+  }
+  // From left to right; each may swallow what is just left of it.
+  struct Super {
+    int first, last;
+    int rows;       // below
+    double filled;  // entries in blocks, without padding
+    int parent;     // a column, -1: a root
+  };
+  std::vector<Super> supers;
+  for (int k = 0; k < blocks_; ++k) {
+    if (!supers.empty() && supers.back().parent == k &&
+        supers.back().rows == count[k]) {
+      // The same pattern.
+      Super& last = supers.back();
+      last.last = k;
+      last.rows = count[k] - 1;
+      last.filled += count[k];
+      last.parent = parent[k];
+    } else {
+      supers.push_back(
+          {k, k, count[k] - 1, static_cast<double>(count[k]), parent[k]});
+    }
+  }
+  std::vector<Super> joined;
+  for (const Super& super : supers) {
+    joined.push_back(super);
+    while (joined.size() > 1) {
+      const Super& child = joined[joined.size() - 2];
+      Super& self = joined.back();
+      if (child.parent < self.first || child.parent > self.last) break;
+      const int columns = self.last - child.first + 1;
+      const double stored = 0.5 * columns * (columns + 1) +
+                            static_cast<double>(columns) * self.rows;
+      const double filled = child.filled + self.filled;
+      if (!Relax(columns * block_, (stored - filled) / stored)) break;
+      const Super both = {
+          child.first, self.last, self.rows, filled, self.parent};
+      joined.pop_back();
+      joined.back() = both;
+    }
+  }
+  const int n = static_cast<int>(joined.size());
+  first_.resize(n + 1);
+  super_.resize(blocks_);
+  for (int s = 0; s < n; ++s) {
+    first_[s] = joined[s].first;
+    for (int k = joined[s].first; k <= joined[s].last; ++k) super_[k] = s;
+  }
+  first_[n] = blocks_;
+  super_parent_.resize(n);
+  num_children_.assign(n, 0);
+  for (int s = 0; s < n; ++s) {
+    super_parent_[s] = joined[s].parent < 0 ? -1 : super_[joined[s].parent];
+    if (super_parent_[s] >= 0) ++num_children_[super_parent_[s]];
+  }
+}
+
+void MultifrontalCholesky::FindRows(const Graph& graph) {
+  const int n = static_cast<int>(super_parent_.size());
+  // Columns below the diagonal of the permuted matrix, from its rows.
+  std::vector<int> start(blocks_ + 1, 0), row(graph.left.size());
+  for (const int i : graph.left) ++start[i + 1];
+  for (int k = 0; k < blocks_; ++k) start[k + 1] += start[k];
+  std::vector<int> at(start.begin(), start.end() - 1);
+  for (int k = 0; k < blocks_; ++k) {
+    for (int e = graph.left_start[k]; e < graph.left_start[k + 1]; ++e) {
+      row[at[graph.left[e]]++] = k;
+    }
+  }
+  std::vector<int> first_child(n, -1), next_child(n, -1);
+  std::vector<int> seen(blocks_, -1);
+  row_start_.assign(n + 1, 0);
+  rows_.clear();
+  for (int s = 0; s < n; ++s) {
+    const int end = first_[s + 1];
+    const auto begin = static_cast<std::ptrdiff_t>(rows_.size());
+    const auto add = [&](int i) {
+      if (i >= end && seen[i] != s) {
+        seen[i] = s;
+        rows_.push_back(i);
+      }
+    };
+    for (int k = start[first_[s]]; k < start[end]; ++k) add(row[k]);
+    for (int c = first_child[s]; c >= 0; c = next_child[c]) {
+      for (int k = row_start_[c]; k < row_start_[c + 1]; ++k) add(rows_[k]);
+    }
+    std::sort(rows_.begin() + begin, rows_.end());
+    row_start_[s + 1] = static_cast<int>(rows_.size());
+    if (super_parent_[s] >= 0) {
+      next_child[s] = first_child[super_parent_[s]];
+      first_child[super_parent_[s]] = s;
+    }
+  }
+  // Places in the parent's front, storage, and the height of the stack.
+  relative_.resize(rows_.size());
+  offset_.assign(n + 1, 0);
+  stride_.resize(n);
+  flops_ = 0.0;
+  stack_size_ = 0;
+  std::int64_t top = 0;
+  std::vector<std::int64_t> held(n, 0);  // by the children of s
+  std::size_t largest = 0;
+  for (int s = 0; s < n; ++s) {
+    const int columns = (first_[s + 1] - first_[s]) * block_;
+    const int below = (row_start_[s + 1] - row_start_[s]) * block_;
+    stride_[s] = Even(columns + below);
+    largest = std::max(largest, static_cast<std::size_t>(stride_[s]));
+    offset_[s + 1] =
+        offset_[s] + static_cast<std::int64_t>(stride_[s]) * columns;
+    for (int c = 0; c < columns; ++c) {
+      const double m = columns + below - c;
+      flops_ += 0.5 * m * m;
+    }
+    const int p = super_parent_[s];
+    if (p >= 0) {
+      int k = row_start_[p];
+      for (int r = row_start_[s]; r < row_start_[s + 1]; ++r) {
+        if (rows_[r] < first_[p + 1]) {
+          relative_[r] = rows_[r] - first_[p];
+        } else {
+          while (rows_[k] != rows_[r]) ++k;
+          relative_[r] = first_[p + 1] - first_[p] + k - row_start_[p];
+        }
+      }
+    }
+    const std::int64_t ld = Even(below);
+    stack_size_ = std::max(stack_size_, top + (ld + kSpareColumns) * ld);
+    top += ld * ld - held[s];
+    if (p >= 0) held[p] += ld * ld;
+  }
+  below_.resize(largest);
+}
+
+void MultifrontalCholesky::PlaceEntries(const SparseMatrix& lower) {
+  const int n = static_cast<int>(super_parent_.size());
+  const int* start = lower.outerIndexPtr();
+  const int* row = lower.innerIndexPtr();
+  entry_start_.assign(n + 1, 0);
+  const auto count = static_cast<std::size_t>(lower.nonZeros());
+  std::vector<std::int64_t> place(count);
+  std::vector<int> owner(count);
+  diagonal_place_.resize(size_);
+  // Where block row i is in the front of s.
+  const auto local = [&](int s, int i) {
+    if (i < first_[s + 1]) return i - first_[s];
+    const auto begin = rows_.begin() + row_start_[s];
+    const auto end = rows_.begin() + row_start_[s + 1];
+    return first_[s + 1] - first_[s] +
+           static_cast<int>(std::lower_bound(begin, end, i) - begin);
+  };
+  for (int j = 0; j < blocks_; ++j) {
+    const int first = start[j * block_];
+    const int blocks = (start[j * block_ + 1] - first) / block_;
+    for (int b = 0; b < blocks; ++b) {
+      const int i = row[first + b * block_] / block_;
+      const bool swap = place_[i] < place_[j];
+      const int k = swap ? place_[i] : place_[j];
+      const int s = super_[k];
+      const int at_column = (k - first_[s]) * block_;
+      const int at_row = local(s, swap ? place_[j] : place_[i]) * block_;
+      for (int c = 0; c < block_; ++c) {
+        // Of column c the first block lacks what is above the diagonal.
+        for (int r = i == j ? c : 0; r < block_; ++r) {
+          const int e = start[j * block_ + c] + b * block_ + r - c;
+          const int to_row = at_row + (swap ? c : r);
+          const int to_column = at_column + (swap ? r : c);
+          place[e] = offset_[s] +
+                     static_cast<std::int64_t>(to_column) * stride_[s] + to_row;
+          owner[e] = s;
+          ++entry_start_[s + 1];
+          if (i == j && r == c) diagonal_place_[j * block_ + c] = place[e];
+        }
+      }
+    }
+  }
+  for (int s = 0; s < n; ++s) entry_start_[s + 1] += entry_start_[s];
+  std::vector<int> at(entry_start_.begin(), entry_start_.end() - 1);
+  entry_.resize(count);
+  entry_place_.resize(count);
+  for (std::size_t e = 0; e < count; ++e) {
+    const int to = at[owner[e]]++;
+    entry_[to] = static_cast<int>(e);
+    entry_place_[to] = place[e];
+  }
+}
+
+double MultifrontalCholesky::Bytes() const {
+  if (offset_.empty()) return 0.0;
+  const double numbers = static_cast<double>(offset_.back() + stack_size_);
+  return 8.0 * numbers + 12.0 * static_cast<double>(entry_.size()) +
+         8.0 * static_cast<double>(rows_.size());
+}
+
+namespace {
+
+// The lower triangle of a child's square, added to the front of its parent:
+// blocks of B columns go to the panel or to the rest.
+template <int B>
+void ExtendAdd(int blocks,
+               const int* relative,
+               const double* child,
+               int ld,
+               int panel_blocks,
+               double* panel,
+               int panel_stride,
+               double* rest,
+               int rest_stride) {
+  for (int j = 0; j < blocks; ++j) {
+    const bool in_panel = relative[j] < panel_blocks;
+    const int column =
+        (in_panel ? relative[j] : relative[j] - panel_blocks) * B;
+    const int stride = in_panel ? panel_stride : rest_stride;
+    const int up = in_panel ? 0 : panel_blocks;
+    double* to = (in_panel ? panel : rest) +
+                 static_cast<std::ptrdiff_t>(column) * stride;
+    const double* from = child + static_cast<std::ptrdiff_t>(j) * B * ld;
+    for (int i = j; i < blocks; ++i) {
+      double* target = to + (relative[i] - up) * B;
+      const double* source = from + i * B;
+      for (int c = 0; c < B; ++c) {
+        for (int r = 0; r < B; ++r) {
+          target[r + static_cast<std::ptrdiff_t>(c) * stride] +=
+              source[r + static_cast<std::ptrdiff_t>(c) * ld];
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+
+bool MultifrontalCholesky::Factorize(const double* values, double shift) {
+  const int n = static_cast<int>(super_parent_.size());
+  int widest = 0;
+  for (const int stride : stride_) widest = std::max(widest, stride);
+  factor_.resize(static_cast<std::size_t>(offset_[n]) +
+                 static_cast<std::size_t>(kSpareColumns) * widest);
+  stack_.resize(static_cast<std::size_t>(stack_size_));
+  // Children whose rest is on the stack, from the bottom up.
+  struct Held {
+    int super;
+    std::int64_t at;
+  };
+  std::vector<Held> held;
+  std::int64_t top = 0;
+  const auto extend_add = block_ == 2   ? ExtendAdd<2>
+                          : block_ == 3 ? ExtendAdd<3>
+                                        : ExtendAdd<1>;
+  for (int s = 0; s < n; ++s) {
+    const int panel_blocks = first_[s + 1] - first_[s];
+    const int rest_blocks = row_start_[s + 1] - row_start_[s];
+    const int columns = panel_blocks * block_;
+    const int rest_rows = Even(rest_blocks * block_);
+    double* panel = factor_.data() + offset_[s];
+    std::memset(panel, 0, sizeof(double) * (offset_[s + 1] - offset_[s]));
+    for (int e = entry_start_[s]; e < entry_start_[s + 1]; ++e) {
+      factor_[entry_place_[e]] = values[entry_[e]];
+    }
+    if (shift != 0.0) {
+      for (int k = first_[s]; k < first_[s + 1]; ++k) {
+        for (int c = 0; c < block_; ++c) {
+          factor_[diagonal_place_[order_[k] * block_ + c]] += shift;
+        }
+      }
+    }
+    double* rest = stack_.data() + top;
+    for (int j = 0; j < rest_rows; ++j) {
+      std::memset(rest + static_cast<std::ptrdiff_t>(j) * rest_rows + j,
+                  0,
+                  sizeof(double) * (rest_rows - j));
+    }
+    std::int64_t bottom = top;
+    for (int c = 0; c < num_children_[s]; ++c) {
+      const Held& child = held[held.size() - 1 - c];
+      const int count = row_start_[child.super + 1] - row_start_[child.super];
+      extend_add(count,
+                 relative_.data() + row_start_[child.super],
+                 stack_.data() + child.at,
+                 Even(count * block_),
+                 panel_blocks,
+                 panel,
+                 stride_[s],
+                 rest,
+                 rest_rows);
+      bottom = child.at;
+    }
+    held.resize(held.size() - num_children_[s]);
+    if (!panel_->factor(stride_[s], columns, panel, stride_[s])) return false;
+    if (super_parent_[s] < 0) {
+      top = bottom;
+      continue;
+    }
+    // The odd row of padding, if there is one, begins a row earlier.
+    panel_->update_lower(
+        rest_rows, columns, panel + columns, stride_[s], rest, rest_rows);
+    const std::int64_t size = static_cast<std::int64_t>(rest_rows) * rest_rows;
+    if (bottom != top) {
+      std::memmove(stack_.data() + bottom, rest, sizeof(double) * size);
+    }
+    held.push_back({s, bottom});
+    top = bottom + size;
+  }
+  return true;
+}
+
+void MultifrontalCholesky::Solve(const double* b, double* x) {
+  const int n = static_cast<int>(super_parent_.size());
+  permuted_.resize(size_ + 2);
+  double* y = permuted_.data();
+  for (int k = 0; k < blocks_; ++k) {
+    for (int c = 0; c < block_; ++c) {
+      y[k * block_ + c] = b[order_[k] * block_ + c];
+    }
+  }
+  double* below = below_.data();
+  for (int s = 0; s < n; ++s) {
+    const int columns = (first_[s + 1] - first_[s]) * block_;
+    const int count = row_start_[s + 1] - row_start_[s];
+    const int* rows = rows_.data() + row_start_[s];
+    const double* panel = factor_.data() + offset_[s];
+    const int stride = stride_[s];
+    double* own = y + first_[s] * block_;
+    for (int c = 0; c < columns; ++c) {
+      const double* column = panel + static_cast<std::ptrdiff_t>(c) * stride;
+      own[c] /= column[c];
+      for (int r = c + 1; r < columns; ++r) own[r] -= column[r] * own[c];
+    }
+    const int height = Even(count * block_);
+    std::memset(below, 0, sizeof(double) * height);
+    panel_->subtract_product(
+        height, columns, panel + columns, stride, own, below);
+    for (int r = 0; r < count; ++r) {
+      for (int c = 0; c < block_; ++c) {
+        y[rows[r] * block_ + c] += below[r * block_ + c];
+      }
+    }
+  }
+  for (int s = n - 1; s >= 0; --s) {
+    const int columns = (first_[s + 1] - first_[s]) * block_;
+    const int count = row_start_[s + 1] - row_start_[s];
+    const int* rows = rows_.data() + row_start_[s];
+    const double* panel = factor_.data() + offset_[s];
+    const int stride = stride_[s];
+    double* own = y + first_[s] * block_;
+    const int height = Even(count * block_);
+    if (height > 0) below[height - 1] = 0.0;
+    for (int r = 0; r < count; ++r) {
+      for (int c = 0; c < block_; ++c) {
+        below[r * block_ + c] = y[rows[r] * block_ + c];
+      }
+    }
+    for (int c = columns - 1; c >= 0; --c) {
+      const double* column = panel + static_cast<std::ptrdiff_t>(c) * stride;
+      double sum = own[c] - panel_->product(height, column + columns, below);
+      for (int r = c + 1; r < columns; ++r) sum -= column[r] * own[r];
+      own[c] = sum / column[c];
+    }
+  }
+  for (int k = 0; k < blocks_; ++k) {
+    for (int c = 0; c < block_; ++c) {
+      x[order_[k] * block_ + c] = y[k * block_ + c];
+    }
+  }
+}
+
+}  // namespace granopt
