@@ -297,9 +297,12 @@ bool SparseCholesky::Analyze(const SparseMatrix& lower) {
     if (multifrontal_ == nullptr) {
       multifrontal_ = std::make_unique<MultifrontalCholesky>();
     }
+    // Without blocks its supernodes are too small to make up for what they are
+    // padded with, in solves above all.
     if (multifrontal_->Analyze(lower) &&
         (wanted_ == Factorizer::MULTIFRONTAL ||
-         multifrontal_->flops() <= kMostFlops)) {
+         (multifrontal_->block_size() > 1 &&
+          multifrontal_->flops() <= kMostFlops))) {
       bytes_ = multifrontal_->Bytes();
       return true;
     }

@@ -24,7 +24,8 @@ enum class Ordering {
 
 // Who factors.
 enum class Factorizer {
-  FASTEST,       // MULTIFRONTAL with AMD for all but the largest, else LIBRARY
+  FASTEST,       // MULTIFRONTAL with AMD for blocks of 2 or 3 and all but the
+                 // largest matrices, else LIBRARY
   MULTIFRONTAL,  // MultifrontalCholesky; AMD only
   LIBRARY,       // CHOLMOD or, in a build without, Eigen
 };
