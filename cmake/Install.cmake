@@ -54,6 +54,7 @@ function(granopt_pkg_config pc_name pc_description pc_requires libs hidden publi
           DESTINATION ${granopt_pc_dir})
 endfunction()
 set(hidden ${optional_all_pkg_config} -lglog)
+list(PREPEND hidden -lamd)
 if(GRANOPT_CHOLMOD)
   if(GOMP_LIBRARY)
     list(PREPEND hidden -lgomp)

@@ -113,12 +113,15 @@ def main():
 
   # Asked to stop, it ends its step and says how to go on.
   whole, broken = f"{folder}/whole_1", f"{folder}/stopped"
+  start = time.time()
+  assert Run(1, whole)[0] == 0
+  duration = time.time() - start
   stops = 0
   more = []
   while True:
     process = subprocess.Popen(Command(1, broken, *more),
                                stdout=subprocess.PIPE, text=True)
-    time.sleep(0.25)
+    time.sleep(0.3 * duration)
     process.send_signal(signal.SIGINT)
     out, _ = process.communicate()
     if process.returncode == 0:
@@ -136,12 +139,16 @@ def main():
   # Damaged files are named, and the older one is used.
   for how in ("cut short", "damaged"):
     out = f"{folder}/faulty_{len(how)}"
-    process = subprocess.Popen(Command(1, out), stdout=subprocess.PIPE,
-                               text=True)
-    while not os.path.exists(out + "/checkpoint.cbor.previous"):
-      time.sleep(0.01)
-    process.send_signal(signal.SIGKILL)
-    process.communicate()
+    newest, older = out + "/checkpoint.cbor", out + "/checkpoint.cbor.previous"
+    # For a moment of each writing both names are those of one file.
+    while not os.path.exists(older) or os.path.samefile(newest, older):
+      process = subprocess.Popen(Command(1, out), stdout=subprocess.PIPE,
+                                 text=True)
+      while process.poll() is None and not os.path.exists(older):
+        time.sleep(0.01)
+      time.sleep(0.05)
+      process.send_signal(signal.SIGKILL)
+      process.communicate()
     Damage(out + "/checkpoint.cbor", how)
     shutil.copytree(out, out + "_both")
     status, text, error = Run(1, out, "--resume")
