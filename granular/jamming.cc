@@ -9,18 +9,6 @@
 namespace granopt {
 namespace {
 
-void Add(const Counters& part, Counters* sum) {
-  sum->iterations += part.iterations;
-  sum->evaluations += part.evaluations;
-  sum->hessians += part.hessians;
-  sum->factorizations += part.factorizations;
-  sum->solves += part.solves;
-  sum->linear_iterations += part.linear_iterations;
-  sum->restarts += part.restarts;
-  sum->recenters += part.recenters;
-  sum->rebases += part.rebases;
-}
-
 void SetPackingFraction(JammingRoute route, double phi, Packing* packing) {
   if (route == JammingRoute::RADII) {
     packing->SetPackingFraction(phi);
@@ -424,7 +412,7 @@ bool ContinueJamming(const JammingOptions& options,
       return false;
     }
     ++state->relaxations;
-    Add(relaxation.summary.counters, &state->counters);
+    state->counters += relaxation.summary.counters;
     state->seconds += relaxation.summary.seconds;
     JammingStep step;
     step.stage = state->stage;

@@ -114,8 +114,9 @@ struct JammingResult {
   Packing unjammed;     // the last unjammed state before the jammed one
   Relaxation jammed;    // the jammed state of least packing fraction
   double phi_cr = 0.0;  // its packing fraction
-  // The unjammed end of the bracket; the bisection was not monotone if phi_j is
-  // below it. 0 after an over-compression or a jammed start.
+  // The last unjammed one before the jammed state, in the bisection the lower
+  // end of its bracket: that was not monotone if phi_j is below it. 0 after a
+  // jammed start.
   double phi_unjammed = 0.0;
   // (alpha - 1) p / p' with p' = dp/dphi along the branch: how far the jammed
   // state is above its own jamming point, p ~ (phi - phi_J)^(alpha-1).

@@ -9,18 +9,6 @@
 namespace granopt {
 namespace {
 
-void Add(const Counters& part, Counters* sum) {
-  sum->iterations += part.iterations;
-  sum->evaluations += part.evaluations;
-  sum->hessians += part.hessians;
-  sum->factorizations += part.factorizations;
-  sum->solves += part.solves;
-  sum->linear_iterations += part.linear_iterations;
-  sum->restarts += part.restarts;
-  sum->recenters += part.recenters;
-  sum->rebases += part.rebases;
-}
-
 // -V sigma : ln diag(stretch, 1 / stretch).
 double Power(const Relaxation& state, double stretch) {
   const SmallMatrix& stress = state.observables.stress;
@@ -70,7 +58,7 @@ bool ShearQuasistatically(
       }
       ++result->relaxations;
       result->gave_up += relaxed.summary.Succeeded() ? 0 : 1;
-      Add(relaxed.summary.counters, &result->counters);
+      result->counters += relaxed.summary.counters;
       result->seconds += relaxed.summary.seconds;
       step.strain = strain;
       step.work =

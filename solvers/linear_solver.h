@@ -57,9 +57,9 @@ class LinearSolver {
 //                                preconditioned by algebraic multigrid (hypre
 //                                BoomerAMG; refused in a build without)
 //   ordering=amd|metis|rcm       of the direct one
-//   factor=multifrontal|library  who makes its factor: MultifrontalCholesky
-//   (with
-//                                amd, but for huge matrices) or CHOLMOD
+//   factor=multifrontal|library  of the direct one: MultifrontalCholesky where
+//                                SparseCholesky finds that the fastest (blocks,
+//                                amd), or CHOLMOD
 //   linear_tolerance=1e-8        of the iterative ones, |b - A x| / |b|
 //   factor_memory=0              GB that a factor may take; known, and refused,
 //                                before it is made. 0: half of the machine's

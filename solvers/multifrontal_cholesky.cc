@@ -5,18 +5,17 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstring>
-#include <new>
 
 namespace granopt {
 namespace {
 
-// Doubles after the last column that the kernels may overwrite are at most
-// three columns and a register.
+// The kernels work on four columns at a time and may overwrite as many beyond
+// the last one.
 constexpr int kSpareColumns = 3;
 
 int Even(int rows) { return rows + (rows & 1); }
 
-// The largest of 3, 2 and 1 for which every b columns have the same block rows,
+// The first of 2, 3 and 1 for which every b columns have the same block rows,
 // all of them full.
 int BlockSize(const SparseMatrix& lower) {
   const int* start = lower.outerIndexPtr();

@@ -46,6 +46,19 @@ struct Counters {
   std::int64_t restarts = 0;
   std::int64_t recenters = 0;
   std::int64_t rebases = 0;
+
+  Counters& operator+=(const Counters& more) {
+    iterations += more.iterations;
+    evaluations += more.evaluations;
+    hessians += more.hessians;
+    factorizations += more.factorizations;
+    solves += more.solves;
+    linear_iterations += more.linear_iterations;
+    restarts += more.restarts;
+    recenters += more.recenters;
+    rebases += more.rebases;
+    return *this;
+  }
 };
 
 // What a callback sees at each accepted iterate. Pointers are valid during the

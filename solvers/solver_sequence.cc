@@ -6,19 +6,7 @@
 namespace granopt {
 namespace {
 
-Counters operator+(const Counters& a, const Counters& b) {
-  Counters sum;
-  sum.iterations = a.iterations + b.iterations;
-  sum.evaluations = a.evaluations + b.evaluations;
-  sum.hessians = a.hessians + b.hessians;
-  sum.factorizations = a.factorizations + b.factorizations;
-  sum.solves = a.solves + b.solves;
-  sum.linear_iterations = a.linear_iterations + b.linear_iterations;
-  sum.restarts = a.restarts + b.restarts;
-  sum.recenters = a.recenters + b.recenters;
-  sum.rebases = a.rebases + b.rebases;
-  return sum;
-}
+Counters operator+(Counters a, const Counters& b) { return a += b; }
 
 }  // namespace
 

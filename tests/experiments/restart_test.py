@@ -121,12 +121,14 @@ def main():
   while True:
     process = subprocess.Popen(Command(1, broken, *more),
                                stdout=subprocess.PIPE, text=True)
-    time.sleep(0.3 * duration)
+    time.sleep(generator.uniform(0.0, 0.5 * duration))
     process.send_signal(signal.SIGINT)
     out, _ = process.communicate()
     if process.returncode == 0:
-      break
-    if process.returncode == 1:
+      if stops:
+        break
+      more = []  # done before it was asked: once more
+    elif process.returncode == 1:
       stops += 1
       assert "stopped as asked, after relaxation" in out, out
       assert not os.path.exists(broken + "/summary.json")
