@@ -366,6 +366,7 @@ int Replot() {
                            "input",
                            "particles",
                            "dimension",
+                           "polydispersity",
                            "alpha",
                            "smoke",
                            "zero_pressure",

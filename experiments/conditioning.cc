@@ -920,6 +920,7 @@ int Replot() {
                            "input",
                            "particles",
                            "dimension",
+                           "polydispersity",
                            "alpha",
                            "tolerance",
                            "smoke",

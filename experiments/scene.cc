@@ -17,6 +17,10 @@ DEFINE_int32(particles,
              1024,
              "grains of a random start, half of them 1.4 times larger");
 DEFINE_int32(dimension, 2, "dimension of a random start: 2 or 3");
+DEFINE_double(polydispersity,
+              0.0,
+              "w: every radius of a random start times a uniform factor in "
+              "[1 - w, 1 + w]");
 DEFINE_double(alpha,
               2.0,
               "exponent of the contact energy k delta^alpha / alpha, >= 2; "
@@ -58,7 +62,7 @@ Scene MakeScene(double phi, std::uint64_t seed) {
 
   if (IsGiven("input") && FLAGS_input.empty()) BadInput("--input= is empty");
   if (!FLAGS_input.empty()) {
-    for (const char* flag : {"particles", "dimension"}) {
+    for (const char* flag : {"particles", "dimension", "polydispersity"}) {
       if (IsGiven(flag)) {
         BadInput(std::string("--") + flag +
                  " describes a random start and cannot go with --input");
@@ -74,6 +78,7 @@ Scene MakeScene(double phi, std::uint64_t seed) {
     options.particles = FLAGS_particles;
     options.packing_fraction = phi;
     options.seed = seed;
+    options.polydispersity = FLAGS_polydispersity;
     if (!GeneratePacking(options, &scene.packing, &error))
       BadInput("--" + error);
     scene.origin = "seed " + std::to_string(seed);

@@ -38,13 +38,6 @@ constexpr double kPatternMargin = 0.02;
 // Displacements of more cell heights than this are refused.
 constexpr double kMaxCells = 1e6;
 
-// std::max drops a NaN, a sum keeps it.
-bool AllFinite(const double* v, int n) {
-  double probe = 0.0;
-  for (int i = 0; i < n; ++i) probe += v[i] - v[i];
-  return probe == 0.0;
-}
-
 }  // namespace
 
 ContactEnergy::ContactEnergy(const Packing& packing,
@@ -55,6 +48,7 @@ ContactEnergy::ContactEnergy(const Packing& packing,
       packing_(packing),
       mean_radius_(packing.MeanRadius()),
       min_radius_(packing.radii.minCoeff()),
+      loops_(FastestPairLoops(packing.dimension(), options.alpha)),
       kernel_(MakeContactKernel(packing.dimension(), options.alpha)),
       u_reference_(NumParameters(), 0.0),
       workspace_(NumParameters(), 0.0),
@@ -122,9 +116,19 @@ bool ContactEnergy::BuildList(const double* u, std::string* error) const {
   std::copy(u, u + NumParameters(), u_list_.begin());
   ++list_version_;
   evaluations_since_build_ = 0;
+  const auto pad = [](const std::vector<int>& from, std::vector<int>* to) {
+    to->assign(from.size() + kPairPadding, 0);
+    std::copy(from.begin(), from.end(), to->begin());
+  };
+  pad(list_.i, &pair_i_);
+  pad(list_.j, &pair_j_);
+  has_self_pairs_ = false;
+  for (int p = 0; p < list_.num_pairs(); ++p) {
+    has_self_pairs_ = has_self_pairs_ || list_.i[p] == list_.j[p];
+  }
   pair_stiffness_.clear();
   if (packing_.stiffness.size() > 0 || options_.stiffness != 1.0) {
-    pair_stiffness_.resize(list_.num_pairs());
+    pair_stiffness_.assign(list_.num_pairs() + kPairPadding, 1.0);
     for (int i = 0; i < num_grains_; ++i) {
       for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
         pair_stiffness_[p] = packing_.stiffness.size() > 0
@@ -139,8 +143,10 @@ bool ContactEnergy::BuildList(const double* u, std::string* error) const {
 
 void ContactEnergy::SetReferencePairs() const {
   const int d = dimension_;
-  reference_pairs_.resize(list_.num_pairs());
-  pair_force_.resize(static_cast<std::size_t>(d) * list_.num_pairs());
+  const std::size_t m = list_.num_pairs() + kPairPadding;
+  for (int k = 0; k < d; ++k) r0_[k].assign(m, 1.0);
+  d0_.assign(m, 1.0);
+  delta0_.assign(m, -1.0);
   std::vector<DoubleDouble> x(NumParameters());
   for (int i = 0; i < num_grains_; ++i) {
     for (int k = 0; k < d; ++k) {
@@ -150,23 +156,21 @@ void ContactEnergy::SetReferencePairs() const {
   for (int i = 0; i < num_grains_; ++i) {
     for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
       const int j = list_.j[p];
-      ReferencePair& pair = reference_pairs_[p];
       DoubleDouble square;
-      pair.r0[2] = 0.0;
       for (int k = 0; k < d; ++k) {
         DoubleDouble r = x[d * i + k] - x[d * j + k];
         for (int c = 0; c < d; ++c) {
           const int n = list_.image[p][c];
           if (n != 0) r = r + TwoProduct(n, packing_.box.edges()(k, c));
         }
-        pair.r0[k] = r.hi;
+        r0_[k][p] = r.hi;
         square = square + r * r;
       }
       const DoubleDouble distance = Sqrt(square);
       // A positive d0 keeps the kernel's quotient defined for coincident
       // centres.
-      pair.d0 = std::max(distance.hi, std::numeric_limits<double>::min());
-      pair.delta0 =
+      d0_[p] = std::max(distance.hi, std::numeric_limits<double>::min());
+      delta0_[p] =
           (TwoSum(packing_.radii[i], packing_.radii[j]) - distance).Value();
     }
   }
@@ -175,35 +179,41 @@ void ContactEnergy::SetReferencePairs() const {
 PairView ContactEnergy::View() const {
   PairView view;
   view.num_grains = num_grains_;
+  view.num_pairs = list_.num_pairs();
+  view.has_self_pairs = has_self_pairs_;
   view.row_start = list_.row_start.data();
-  view.i = list_.i.data();
-  view.j = list_.j.data();
-  view.pair_force = pair_force_.data();
-  view.reference = reference_pairs_.data();
+  view.i = pair_i_.data();
+  view.j = pair_j_.data();
+  for (int k = 0; k < dimension_; ++k) view.r0[k] = r0_[k].data();
+  view.d0 = d0_.data();
+  view.delta0 = delta0_.data();
   view.stiffness = pair_stiffness_.empty() ? nullptr : pair_stiffness_.data();
   return view;
 }
 
-bool ContactEnergy::Prepare(const double* u) const {
-  const int d = dimension_;
-  double max_moved2 = 0.0;
-  double probe = 0.0;  // stays 0 unless an entry is not finite, see AllFinite()
-  double max_u = 0.0;
+bool ContactEnergy::HasLeftSkin(const double* u, double usable) const {
   for (int i = 0; i < num_grains_; ++i) {
     double moved2 = 0.0;
-    for (int k = 0; k < d; ++k) {
-      const int v = d * i + k;
-      workspace_[v] = u[v] - u_reference_[v];
-      const double moved = u[v] - u_list_[v];
-      moved2 += moved * moved;
-      max_u = std::max(max_u, std::abs(u[v]));
+    for (int v = dimension_ * i; v < dimension_ * (i + 1); ++v) {
+      moved2 += (u[v] - u_list_[v]) * (u[v] - u_list_[v]);
     }
-    max_moved2 = std::max(max_moved2, moved2);
-    probe += moved2 - moved2;
+    if (moved2 > usable * usable) return true;
   }
-  if (probe != 0.0) return false;
+  return false;
+}
+
+bool ContactEnergy::Prepare(const double* u) const {
+  const int d = dimension_;
+  const int n = NumParameters();
   const double usable = 0.5 * kUsableSkin * skin_;
-  if (max_moved2 > usable * usable) {
+  moved_ = loops_.displace(
+      n, u, u_reference_.data(), u_list_.data(), workspace_.data());
+  if (!moved_.is_finite) return false;
+  // No grain has moved by more than sqrt(d) times its largest coordinate.
+  if (d * moved_.from_list * moved_.from_list > usable * usable &&
+      HasLeftSkin(u, usable)) {
+    double max_u = 0.0;
+    for (int v = 0; v < n; ++v) max_u = std::max(max_u, std::abs(u[v]));
     double least_height = packing_.box.Height(0);
     for (int k = 1; k < d; ++k) {
       least_height = std::min(least_height, packing_.box.Height(k));
@@ -222,7 +232,7 @@ bool ContactEnergy::EvaluateWithScales(const double* u,
                                        Scales* scales) const {
   if (!Prepare(u)) return false;
   const ContactSums sums =
-      kernel_->Evaluate(View(), workspace_.data(), gradient);
+      loops_.sweep(View(), options_.alpha, workspace_.data(), gradient);
   *energy = sums.energy;
   if (sums.contacts > 0) {
     last_overlap_ = sums.overlap / static_cast<double>(sums.contacts);
@@ -246,14 +256,14 @@ bool ContactEnergy::EvaluateWithScales(const double* u,
 }
 
 bool ContactEnergy::Recenter(const double* u) {
-  if (!AllFinite(u, NumParameters())) return false;
-  double max_moved = 0.0;
-  for (int v = 0; v < NumParameters(); ++v) {
-    max_moved = std::max(max_moved, std::abs(u[v] - u_reference_[v]));
-  }
-  if (last_overlap_ == 0.0 || max_moved <= kRecenterOverlaps * last_overlap_) {
-    return false;
-  }
+  // Of the last point that was evaluated, which is u or near it.
+  const auto is_far = [this](double moved) {
+    return last_overlap_ != 0.0 && moved > kRecenterOverlaps * last_overlap_;
+  };
+  if (!is_far(moved_.from_reference)) return false;
+  const Displacement moved = loops_.displace(
+      NumParameters(), u, u_reference_.data(), u, workspace_.data());
+  if (!moved.is_finite || !is_far(moved.from_reference)) return false;
   std::copy(u, u + NumParameters(), u_reference_.begin());
   SetReferencePairs();
   return true;

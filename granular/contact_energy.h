@@ -11,6 +11,7 @@
 #include "granular/contact_kernel.h"
 #include "granular/neighbor_list.h"
 #include "granular/packing.h"
+#include "granular/pair_loops.h"
 #include "solvers/unilateral.h"
 
 namespace granopt {
@@ -45,7 +46,7 @@ struct Contact {
 // of the packing given: u = 0 is that packing, exactly.
 //
 // Gaps are evaluated by differences from a reference configuration that
-// Recenter() moves along (see contact_kernel.h and README, design); E, gradient
+// Recenter() moves along (see pair_loops.h and README, design); E, gradient
 // and Hessian are pure functions of (reference, u): bitwise independent of the
 // neighbour list that happens to be in use.
 //
@@ -118,6 +119,7 @@ class ContactEnergy : public UnilateralFunction {
   // w = u - u_ref in workspace_; rebuilds the list if a grain has left its
   // skin. False where u is not finite or astronomically large.
   bool Prepare(const double* u) const;
+  bool HasLeftSkin(const double* u, double usable) const;
   bool BuildList(const double* u, std::string* error) const;
   void SetReferencePairs() const;
   // states_ of all pairs at workspace_.
@@ -136,7 +138,8 @@ class ContactEnergy : public UnilateralFunction {
   Packing packing_;  // the origin u = 0
   double mean_radius_ = 0.0;
   double min_radius_ = 0.0;
-  std::unique_ptr<ContactKernel> kernel_;
+  const PairLoops loops_;
+  const std::unique_ptr<ContactKernel> kernel_;
 
   std::vector<double> u_reference_;
   // Workspaces: one object must not be evaluated from two threads at once.
@@ -146,8 +149,10 @@ class ContactEnergy : public UnilateralFunction {
   mutable double skin_ = 0.0;
   mutable std::int64_t list_version_ = 0;
   mutable std::int64_t evaluations_since_build_ = 0;
-  mutable std::vector<ReferencePair> reference_pairs_;
-  mutable std::vector<double> pair_force_;
+  // The arrays of PairView, with their padding.
+  mutable bool has_self_pairs_ = false;
+  mutable std::vector<int> pair_i_, pair_j_;
+  mutable std::vector<double> r0_[3], d0_, delta0_;
   mutable std::vector<double> pair_stiffness_;  // empty: all 1
   mutable std::vector<PairState> states_;
   mutable std::vector<double> first_, second_;  // weights of the Hessian
@@ -156,6 +161,7 @@ class ContactEnergy : public UnilateralFunction {
   mutable std::int64_t pattern_version_ = 0;
   mutable std::int64_t pattern_list_version_ = -1;
   mutable std::vector<int> block_rank_, column_start_;
+  mutable Displacement moved_;         // of the last evaluation
   mutable double last_overlap_ = 0.0;  // mean, of the last evaluation
 };
 

@@ -15,17 +15,6 @@ class Kernel final : public ContactKernel {
  public:
   explicit Kernel(double alpha) : law_(alpha) {}
 
-  ContactSums Evaluate(const PairView& pairs,
-                       const double* w,
-                       double* gradient) const override {
-    if (pairs.stiffness == nullptr) {
-      return gradient == nullptr ? Sweep<false, false>(pairs, w, nullptr)
-                                 : Sweep<true, false>(pairs, w, gradient);
-    }
-    return gradient == nullptr ? Sweep<false, true>(pairs, w, nullptr)
-                               : Sweep<true, true>(pairs, w, gradient);
-  }
-
   void States(const PairView& pairs,
               const double* w,
               PairState* states) const override {
@@ -107,111 +96,21 @@ class Kernel final : public ContactKernel {
   }
 
  private:
-  // Blocks of pairs: gathered, evaluated without a branch that depends on the
-  // data (the compiler makes square roots and divisions of several pairs at
-  // once), added up in order. Then the forces are scattered. An open gap adds
-  // exact zeros: results do not depend on which open gaps the list holds.
-  template <bool kGradient, bool kStiffness>
-  ContactSums Sweep(const PairView& pairs,
-                    const double* w,
-                    double* gradient) const {
-    constexpr int kBlock = 64;
-    const int n = pairs.num_grains;
-    const int m = pairs.row_start[n];
-    double* const pair_force = pairs.pair_force;
-    double energy = 0.0, force_sum = 0.0, overlap = 0.0, virial = 0.0;
-    std::int64_t contacts = 0;
-    double s[D][kBlock] = {}, r[D][kBlock] = {};  // in: r = r0
-    double d0[kBlock] = {}, delta0[kBlock] = {}, k[kBlock] = {};
-    double delta[kBlock], d[kBlock], force[kBlock], e[kBlock];
-    double f_over_d[kBlock];
-    for (int first = 0; first < m; first += kBlock) {
-      const int count = std::min(kBlock, m - first);
-      for (int q = 0; q < count; ++q) {
-        const int p = first + q;
-        const ReferencePair& ref = pairs.reference[p];
-        const double* wi = w + D * pairs.i[p];
-        const double* wj = w + D * pairs.j[p];
-        for (int c = 0; c < D; ++c) {
-          s[c][q] = wi[c] - wj[c];
-          r[c][q] = ref.r0[c];
-        }
-        d0[q] = ref.d0;
-        delta0[q] = ref.delta0;
-        if (kStiffness) k[q] = pairs.stiffness[p];
-      }
-      // The whole block, whatever count is: a fixed length has no remainder
-      // loop.
-      for (int q = 0; q < kBlock; ++q) {
-        double change = 0.0, d2 = 0.0;
-        for (int c = 0; c < D; ++c) {
-          const double r0 = r[c][q];
-          r[c][q] = r0 + s[c][q];
-          change += s[c][q] * (r0 + r[c][q]);  // 2 r0.s + s.s
-          d2 += r[c][q] * r[c][q];
-        }
-        d[q] = std::sqrt(d2);
-        const double gap = delta0[q] - change / (d[q] + d0[q]);
-        delta[q] = gap > 0.0 ? gap : 0.0;
-        force[q] = law_.Force(delta[q]);
-        e[q] = law_.Energy(delta[q]);
-        if (kStiffness) {
-          force[q] *= k[q];
-          e[q] *= k[q];
-        }
-        // Centres that coincide have no direction and get no force.
-        f_over_d[q] =
-            force[q] /
-            (d[q] > 0.0 ? d[q] : std::numeric_limits<double>::infinity());
-      }
-      for (int q = 0; q < count; ++q) {
-        energy += e[q];
-        force_sum += force[q];
-        overlap += delta[q];
-        virial += force[q] * d[q];
-        contacts += delta[q] > 0.0 ? 1 : 0;
-        if (kGradient) {
-          for (int c = 0; c < D; ++c) {
-            pair_force[D * (first + q) + c] = f_over_d[q] * r[c][q];
-          }
-        }
-      }
-    }
-    const ContactSums sums = {energy, force_sum, overlap, virial, contacts};
-    if (!kGradient) return sums;
-    std::fill(gradient, gradient + D * n, 0.0);
-    for (int i = 0; i < n; ++i) {
-      double gi[D];
-      for (int c = 0; c < D; ++c) gi[c] = gradient[D * i + c];
-      for (int p = pairs.row_start[i]; p < pairs.row_start[i + 1]; ++p) {
-        const int j = pairs.j[p];
-        if (j == i) continue;  // pulls on itself from both sides
-        for (int c = 0; c < D; ++c) {
-          const double f = pair_force[D * p + c];
-          gi[c] -= f;
-          gradient[D * j + c] += f;
-        }
-      }
-      for (int c = 0; c < D; ++c) gradient[D * i + c] = gi[c];
-    }
-    return sums;
-  }
-
   PairState State(const PairView& pairs, const double* w, int i, int p) const {
-    const ReferencePair& ref = pairs.reference[p];
     const int j = pairs.j[p];
     PairState state;
     double r[D];
     double change = 0.0, d2 = 0.0;
     for (int c = 0; c < D; ++c) {
       const double s = w[D * i + c] - w[D * j + c];
-      r[c] = ref.r0[c] + s;
-      change += s * (ref.r0[c] + r[c]);
+      const double r0 = pairs.r0[c][p];
+      r[c] = r0 + s;
+      change += s * (r0 + r[c]);
       d2 += r[c] * r[c];
     }
     const double d = std::sqrt(d2);
     state.distance = d;
-    state.delta = ref.delta0 - change / (d + ref.d0);
+    state.delta = pairs.delta0[p] - change / (d + pairs.d0[p]);
     for (int c = 0; c < 3; ++c) {
       state.normal[c] = c < D && d > 0.0 ? r[c < D ? c : 0] / d : 0.0;
     }

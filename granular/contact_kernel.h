@@ -1,4 +1,5 @@
-// granopt: loops over pairs, compiled once per dimension and law.
+// granopt: the loops over pairs of second-order methods, compiled once per
+// dimension and law.
 //
 // This header and its source include neither Eigen nor Ceres, so that the only
 // templated code of the library compiles in a moment.
@@ -6,39 +7,11 @@
 #ifndef GRANOPT_GRANULAR_CONTACT_KERNEL_H_
 #define GRANOPT_GRANULAR_CONTACT_KERNEL_H_
 
-#include <cstdint>
 #include <memory>
 
+#include "granular/pair_loops.h"
+
 namespace granopt {
-
-// A pair at the reference configuration: separation r0 = x_i - x_j + H image,
-// its length d0 and the overlap delta0 = r_i + r_j - d0, each rounded once from
-// double-double.
-struct ReferencePair {
-  double r0[3];
-  double d0;
-  double delta0;
-};
-
-// Pairs (i, j) compressed by their first grain. `stiffness` may be null (all
-// 1); `pair_force` is a workspace of d entries a pair.
-struct PairView {
-  int num_grains = 0;
-  const int* row_start = nullptr;
-  const int* i = nullptr;
-  const int* j = nullptr;
-  double* pair_force = nullptr;
-  const ReferencePair* reference = nullptr;
-  const double* stiffness = nullptr;
-};
-
-struct ContactSums {
-  double energy = 0.0;   // sum k delta^alpha / alpha
-  double force = 0.0;    // sum f
-  double overlap = 0.0;  // sum delta
-  double virial = 0.0;   // sum f l
-  std::int64_t contacts = 0;
-};
 
 // One pair at some displacement.
 struct PairState {
@@ -50,19 +23,9 @@ struct PairState {
   double stiffness;  // f'(delta)
 };
 
-// With s = w_i - w_j and w = u - u_ref, a pair is evaluated by differences,
-//   delta = delta0 - (2 r0.s + s.s) / (d + d0),   d = |r0 + s|,
-// which loses nothing to cancellation while |s| stays of the order of the
-// overlaps: the error is about eps |s|, against eps d for plain positions.
 class ContactKernel {
  public:
   virtual ~ContactKernel() = default;
-
-  // Sums over all pairs; gradient (d entries a grain) is overwritten, may be
-  // null.
-  virtual ContactSums Evaluate(const PairView& pairs,
-                               const double* w,
-                               double* gradient) const = 0;
 
   // The states of all pairs, in order.
   virtual void States(const PairView& pairs,

@@ -44,7 +44,7 @@ struct Hertz {
   template <typename T>
   T Energy(T delta) const {
     using std::sqrt;
-    return delta * delta * sqrt(delta) * 2 / 5;
+    return delta * delta * sqrt(delta) * (T(2) / T(5));
   }
   template <typename T>
   T Force(T delta) const {
@@ -54,7 +54,7 @@ struct Hertz {
   template <typename T>
   T Stiffness(T delta) const {
     using std::sqrt;
-    return sqrt(delta) * 3 / 2;
+    return sqrt(delta) * (T(3) / T(2));
   }
 };
 

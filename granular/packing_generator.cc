@@ -49,6 +49,10 @@ bool GeneratePacking(const GeneratorOptions& options,
     return fail("phi = " + std::to_string(options.packing_fraction) +
                 " must be in (0, 4]");
   }
+  if (!(options.polydispersity >= 0.0) || !(options.polydispersity < 1.0)) {
+    return fail("polydispersity = " + std::to_string(options.polydispersity) +
+                " must be in [0, 1)");
+  }
   double fractions = 0.0;
   for (const SpeciesOptions& s : options.species) {
     if (!(s.number_fraction >= 0.0) || !(s.relative_radius > 0.0) ||
@@ -98,6 +102,12 @@ bool GeneratePacking(const GeneratorOptions& options,
     packing->positions.col(i) = x.col(order[i]);
     packing->radii[i] = options.species[kind[i]].relative_radius;
     packing->species[i] = options.species[kind[i]].name;
+  }
+  if (options.polydispersity > 0.0) {
+    for (int i = 0; i < n; ++i) {
+      packing->radii[i] *=
+          1.0 + options.polydispersity * (2.0 * random() - 1.0);
+    }
   }
   packing->SetPackingFraction(options.packing_fraction);
   packing->attributes["seed"] = std::to_string(options.seed);

@@ -23,6 +23,9 @@ struct GeneratorOptions {
   int particles = 1024;
   double packing_fraction = 0.84;
   std::uint64_t seed = 1;
+  // w in [0, 1): every radius times an independent uniform factor in
+  // [1 - w, 1 + w].
+  double polydispersity = 0.0;
   // Half of the grains 1.4 times as large as the others (paper, sec. 4).
   std::vector<SpeciesOptions> species = {{"A", 0.5, 1.0}, {"B", 0.5, 1.4}};
 };

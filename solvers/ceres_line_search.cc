@@ -220,7 +220,7 @@ CeresLineSearch::CeresLineSearch(Parameters* parameters)
 Summary CeresLineSearch::Minimize(FirstOrderFunction* function,
                                   const SolveOptions& options,
                                   double* x) const {
-  Monitor monitor(function, options, name());
+  Monitor monitor(function, options, name(), Monitor::Cache::LAST_EVALUATION);
   const int n = monitor.n();
   const QuietLog quiet;
 

@@ -133,7 +133,7 @@ Summary ExternalMethod::Minimize(FirstOrderFunction* function,
                                  const SolveOptions& options,
                                  double* x) const {
   using Interruption = Problem::Interruption;
-  Monitor monitor(function, options, name());
+  Monitor monitor(function, options, name(), Monitor::Cache::LAST_EVALUATION);
   const int n = monitor.n();
 
   std::string why;

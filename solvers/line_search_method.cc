@@ -1,5 +1,6 @@
 #include "solvers/line_search_method.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -70,7 +71,8 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
     // A stop inside the line search may leave a better point behind.
     if (monitor.stopped() && found.point.step == 0.0) break;
     // Neither is a step that rounding takes away.
-    if (found.point.step == 0.0 || search.x == x) {
+    if (found.point.step == 0.0 ||
+        std::equal(x.data(), x.data() + n, search.x.data())) {
       if (monitor.LastEvaluationFailed()) {
         monitor.FailEvaluation();
       } else if (is_fresh) {

@@ -6,7 +6,9 @@
 #include <limits>
 #include <utility>
 
+#include "Eigen/Core"
 #include "solvers/format.h"
+#include "solvers/vector_blocks.h"
 
 namespace granopt {
 namespace {
@@ -29,22 +31,23 @@ constexpr double kRoundoff = 20.0 * kEpsilon;
 // ... or, whatever the gradient is, in so many.
 constexpr std::int64_t kPatience = 10000;
 
+// Not finite if an entry is not: an infinity or a NaN less itself is NaN.
 double MaxNorm(const double* v, int n) {
-  double result = 0.0;
-  for (int i = 0; i < n; ++i) result = std::max(result, std::abs(v[i]));
-  return result;
+  const Eigen::Map<const Eigen::ArrayXd> all(v, n);
+  double most = 0.0, probe = 0.0;
+  ForBlocks(n, [&](int at, int length) {
+    const auto part = all.segment(at, length);
+    most = std::max(most, part.abs().maxCoeff());
+    probe += (part - part).sum();
+  });
+  return most + probe;
 }
 
-// Index of the first entry that is not finite, or -1. The sum of v - v is zero
-// exactly if all entries are finite, which is one vectorizable pass.
+// Index of the first entry that is not finite.
 int FirstNotFinite(const double* v, int n) {
-  double probe = 0.0;
-  for (int i = 0; i < n; ++i) probe += v[i] - v[i];
-  if (probe == 0.0) return -1;
-  for (int i = 0; i < n; ++i) {
-    if (!std::isfinite(v[i])) return i;
-  }
-  return -1;
+  int i = 0;
+  while (i < n - 1 && std::isfinite(v[i])) ++i;
+  return i;
 }
 
 }  // namespace
@@ -123,14 +126,16 @@ std::string Summary::FullReport() const {
 
 Monitor::Monitor(FirstOrderFunction* function,
                  const SolveOptions& options,
-                 std::string solver_name)
+                 std::string solver_name,
+                 Cache cache)
     : function_(function),
       options_(options),
       n_(function->NumParameters()),
       start_(std::chrono::steady_clock::now()),
       solver_name_(std::move(solver_name)),
-      cache_x_(n_),
-      cache_gradient_(n_),
+      cache_(cache),
+      cache_x_(cache == Cache::NONE ? 0 : n_),
+      cache_gradient_(cache == Cache::NONE ? 0 : n_),
       best_x_(n_) {}
 
 double Monitor::Seconds() const {
@@ -178,8 +183,13 @@ bool Monitor::Evaluate(const double* x,
                        value,
                        static_cast<long long>(counters_.evaluations)));
   };
-  const int bad_x = FirstNotFinite(x, n_);
-  if (bad_x >= 0) return named(Format("x[%d]", bad_x).c_str(), x[bad_x]);
+  evaluated_.x = x;
+  evaluated_.max_x = MaxNorm(x, n_);
+  evaluated_.gradient = nullptr;
+  if (!std::isfinite(evaluated_.max_x)) {
+    const int bad = FirstNotFinite(x, n_);
+    return named(Format("x[%d]", bad).c_str(), x[bad]);
+  }
 
   const double before = Seconds();
   Scales here;
@@ -194,12 +204,16 @@ bool Monitor::Evaluate(const double* x,
                        static_cast<long long>(counters_.evaluations)));
   }
   if (!std::isfinite(*cost)) return named("cost", *cost);
-  const int bad_g = gradient == nullptr ? -1 : FirstNotFinite(gradient, n_);
-  if (bad_g >= 0) {
-    return named(Format("gradient[%d]", bad_g).c_str(), gradient[bad_g]);
+  if (gradient != nullptr) {
+    evaluated_.gradient = gradient;
+    evaluated_.max_gradient = MaxNorm(gradient, n_);
+    if (!std::isfinite(evaluated_.max_gradient)) {
+      const int bad = FirstNotFinite(gradient, n_);
+      return named(Format("gradient[%d]", bad).c_str(), gradient[bad]);
+    }
   }
   not_finite_.clear();
-  if (gradient == nullptr) return true;
+  if (gradient == nullptr || cache_ == Cache::NONE) return true;
   std::copy(x, x + n_, cache_x_.begin());
   std::copy(gradient, gradient + n_, cache_gradient_.begin());
   cache_cost_ = *cost;
@@ -240,10 +254,12 @@ bool Monitor::Accept(const double* x,
                      double cost,
                      const double* gradient,
                      const Scales& scales) {
-  const double max_gradient = MaxNorm(gradient, n_);
+  const double max_gradient = gradient == evaluated_.gradient
+                                  ? evaluated_.max_gradient
+                                  : MaxNorm(gradient, n_);
   if (started_) ++counters_.iterations;
   last_max_gradient_ = max_gradient;
-  last_max_x_ = MaxNorm(x, n_);
+  last_max_x_ = x == evaluated_.x ? evaluated_.max_x : MaxNorm(x, n_);
   last_scales_ = scales;
   if (!(scales.gradient > 0.0 && scales.length > 0.0)) {
     double square = 0.0;

@@ -24,9 +24,14 @@ namespace granopt {
 // A method that ends by itself says why with GiveUp() before Finish().
 class Monitor {
  public:
+  // A method that asks for cost and gradient one after the other, as most
+  // libraries do, keeps the last evaluation: two copies of a vector.
+  enum class Cache { NONE, LAST_EVALUATION };
+
   Monitor(FirstOrderFunction* function,
           const SolveOptions& options,
-          std::string solver_name);
+          std::string solver_name,
+          Cache cache = Cache::NONE);
 
   FirstOrderFunction* function() const { return function_; }
   int n() const { return n_; }
@@ -43,27 +48,30 @@ class Monitor {
 
   // One counted evaluation. `gradient` and `scales` may be null. Returns false,
   // and remembers the offending entry, if x, the cost or the gradient is not
-  // finite. The last point evaluated with a gradient is cached.
+  // finite.
   bool Evaluate(const double* x,
                 double* cost,
                 double* gradient,
                 Scales* scales);
 
-  // True if x is, bit for bit, the last point evaluated with a gradient.
+  // With Cache::LAST_EVALUATION: true if x is, bit for bit, the last point
+  // evaluated with a gradient.
   bool IsCached(const double* x) const;
 
-  // Cost, gradient and scales at x from the cache if x was the last point
+  // With Cache::LAST_EVALUATION: cost, gradient and scales at x from the cache
+  // if x was the last point
   // evaluated, else by a counted evaluation.
   bool EvaluateCached(const double* x,
                       double* cost,
                       const double** gradient,
                       Scales* scales);
 
-  // Tells the monitor of an accepted iterate (the first call is the start,
-  // every further one counts an iteration). Returns true if the run must stop;
-  // the reason is then set. A run without a better point for 200 iterations
-  // while max|g| is within Roundoff(), or for 10000 iterations whatever it is,
-  // makes no progress.
+  // Tells the monitor of an accepted iterate; where x or gradient is the memory
+  // of the last Evaluate(), it must be as that left it (the first call is the
+  // start, every further one counts an iteration). Returns true if the run must
+  // stop; the reason is then set. A run without a better point for 200
+  // iterations while max|g| is within Roundoff(), or for 10000 iterations
+  // whatever it is, makes no progress.
   bool Accept(const double* x,
               double cost,
               const double* gradient,
@@ -157,12 +165,21 @@ class Monitor {
   std::string not_finite_;  // "gradient[17] = nan at evaluation 3"
   double initial_cost_ = 0.0;
 
-  // Cache of the last evaluation with a gradient.
+  // The last evaluation with a gradient.
+  const Cache cache_;
   bool cache_valid_ = false;
   std::vector<double> cache_x_, cache_gradient_;
   double cache_cost_ = 0.0;
   Scales cache_scales_;
   std::vector<double> scratch_;
+
+  // Of the last evaluation.
+  struct {
+    const double* x = nullptr;
+    const double* gradient = nullptr;
+    double max_x = 0.0;
+    double max_gradient = 0.0;
+  } evaluated_;
 
   double last_max_gradient_ = 0.0;
   double last_step_unit_ = 1.0;  // where the function states no scales

@@ -6,6 +6,8 @@
 #include <cstddef>
 #include <cstring>
 
+#include "solvers/instruction_set.h"
+
 namespace granopt {
 namespace {
 
@@ -52,13 +54,8 @@ bool Relax(int columns, double zeros) {
 
 const DensePanel& FastestPanel() {
 #ifdef __x86_64__
-  __builtin_cpu_init();
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl")) {
-    return kAvx512Panel;
-  }
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
-    return kAvx2Panel;
-  }
+  if (Runs(InstructionSet::AVX512)) return kAvx512Panel;
+  if (Runs(InstructionSet::AVX2)) return kAvx2Panel;
 #endif
   return kPortablePanel;
 }

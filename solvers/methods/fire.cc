@@ -28,11 +28,13 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <utility>
 
 #include "Eigen/Core"
 #include "solvers/monitor.h"
 #include "solvers/preconditioner.h"
 #include "solvers/registry.h"
+#include "solvers/vector_blocks.h"
 
 namespace granopt {
 namespace {
@@ -113,15 +115,18 @@ class Fire : public Solver {
       const VectorXd& z_before =
           preconditioner != nullptr ? z_before_own : g_before;
 
-      double gv = 0.0, gz = 0.0;
-      for (int i = 0; i < n; ++i) {
-        gv += g[i] * v[i];
-        gz += g[i] * z[i];
-      }
+      double gv = 0.0, gz = 0.0, vv = 0.0;
+      ForBlocks(n, [&](int at, int length) {
+        const auto gb = g.segment(at, length);
+        const auto vb = v.segment(at, length);
+        gv += gb.dot(vb);
+        gz += gb.dot(z.segment(at, length));
+        vv += vb.squaredNorm();
+      });
       // |v|^2 in P.
-      double vv = preconditioner != nullptr
-                      ? preconditioner->Dot(v.data(), v.data(), n)
-                      : v.squaredNorm();
+      if (preconditioner != nullptr) {
+        vv = preconditioner->Dot(v.data(), v.data(), n);
+      }
       if (gv < 0.0) {
         if (++downhill > delay_) {
           h = std::min(kIncrease * h, h_max);
@@ -157,12 +162,13 @@ class Fire : public Solver {
                                  : std::numeric_limits<double>::infinity());
       const double keep = 1.0 - mixing;
       const double push = (keep * h + b) * unit;
-      g_before = g;
-      if (preconditioner != nullptr) z_before_own = z_own;
-      for (int i = 0; i < n; ++i) {
-        v[i] = keep * v[i] - push * z[i];
-        x[i] += h * v[i];
-      }
+      ForBlocks(n, [&](int at, int length) {
+        auto vb = v.segment(at, length);
+        vb = keep * vb - push * z.segment(at, length);
+        x.segment(at, length) += h * vb;
+      });
+      std::swap(g, g_before);  // z, if it is one of them, has been used
+      if (preconditioner != nullptr) std::swap(z_own, z_before_own);
       last_h = h;
       double new_cost;
       Scales new_scales;

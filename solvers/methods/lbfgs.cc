@@ -16,6 +16,7 @@
 #include "Eigen/Core"
 #include "solvers/line_search_method.h"
 #include "solvers/registry.h"
+#include "solvers/vector_blocks.h"
 
 namespace granopt {
 namespace {
@@ -33,7 +34,8 @@ class LbfgsRule : public DirectionRule {
         memory_(memory),
         preconditioned_(preconditioned),
         rescales_(rescales || !preconditioned),
-        pairs_(memory) {
+        pairs_(memory),
+        q_(preconditioned ? n : 0) {
     for (Pair& pair : pairs_) {
       pair.s.resize(n);
       pair.y.resize(n);
@@ -46,43 +48,80 @@ class LbfgsRule : public DirectionRule {
                    double unit,
                    double* d) override {
     Eigen::Map<VectorXd> r(d, n_);
-    r = ConstMap(z, n_);
     if (count_ == 0) {
-      r *= -unit;
+      r = -unit * ConstMap(z, n_);
       return 1.0;
     }
-    // s_i^T q for q = g - sum a_j y_j, the first loop.
-    q_ = ConstMap(g, n_);
+    // q = g - sum a_i y_i, and r = P^-1 q. Each pass through memory changes
+    // them by one pair and takes the product with the next one.
+    Eigen::Map<VectorXd> q(preconditioned_ ? q_.data() : d, n_);
+    double product = 0.0;
+    ForBlocks(n_, [&](int at, int length) {
+      q.segment(at, length) = ConstMap(g, n_).segment(at, length);
+      if (preconditioned_) {
+        r.segment(at, length) = ConstMap(z, n_).segment(at, length);
+      }
+      product += Newest(1).s.segment(at, length).dot(q.segment(at, length));
+    });
+    const double scale = rescales_ ? Newest(1).sy / Newest(1).yw : 1.0;
     for (int k = 1; k <= count_; ++k) {
       Pair& pair = Newest(k);
-      pair.a = pair.s.dot(q_) / pair.sy;
-      q_ -= pair.a * pair.y;
-      if (preconditioned_) r -= pair.a * pair.w;
+      pair.a = product / pair.sy;
+      product = 0.0;
+      ForBlocks(n_, [&](int at, int length) {
+        q.segment(at, length) -= pair.a * pair.y.segment(at, length);
+        if (preconditioned_) {
+          r.segment(at, length) -= pair.a * pair.w.segment(at, length);
+        }
+        if (k < count_) {
+          product +=
+              Newest(k + 1).s.segment(at, length).dot(q.segment(at, length));
+        } else {
+          r.segment(at, length) *= scale;
+          product += pair.y.segment(at, length).dot(r.segment(at, length));
+        }
+      });
     }
-    if (!preconditioned_) r = q_;
-    const Pair& last = Newest(1);
-    if (rescales_) r *= last.sy / last.yw;
     for (int k = count_; k >= 1; --k) {
       const Pair& pair = Newest(k);
-      const double b = pair.y.dot(r) / pair.sy;
-      r += (pair.a - b) * pair.s;
+      const double part = pair.a - product / pair.sy;
+      product = 0.0;
+      ForBlocks(n_, [&](int at, int length) {
+        r.segment(at, length) += part * pair.s.segment(at, length);
+        if (k > 1) {
+          product +=
+              Newest(k - 1).y.segment(at, length).dot(r.segment(at, length));
+        } else {
+          r.segment(at, length) = -r.segment(at, length);
+        }
+      });
     }
-    r = -r;
     return 1.0;
   }
 
   void Taken(const Step& step) override {
     Pair& pair = pairs_[next_];
-    pair.s = ConstMap(step.s, n_);
-    pair.y = ConstMap(step.g_new, n_) - ConstMap(step.g, n_);
-    if (preconditioned_) {
-      pair.w = ConstMap(step.z_new, n_) - ConstMap(step.z, n_);
-    }
-    pair.sy = pair.s.dot(pair.y);
-    const double yy = pair.y.squaredNorm();
-    pair.yw = preconditioned_ ? pair.y.dot(pair.w) : yy;
+    pair.sy = 0.0;
+    double yy = 0.0, yw = 0.0;
     // Squared, so that no square root spoils the invariance of units.
-    const double ss = pair.s.squaredNorm();
+    double ss = 0.0;
+    ForBlocks(n_, [&](int at, int length) {
+      auto s = pair.s.segment(at, length);
+      auto y = pair.y.segment(at, length);
+      s = ConstMap(step.s, n_).segment(at, length);
+      y = ConstMap(step.g_new, n_).segment(at, length) -
+          ConstMap(step.g, n_).segment(at, length);
+      if (preconditioned_) {
+        auto w = pair.w.segment(at, length);
+        w = ConstMap(step.z_new, n_).segment(at, length) -
+            ConstMap(step.z, n_).segment(at, length);
+        yw += y.dot(w);
+      }
+      pair.sy += s.dot(y);
+      yy += y.squaredNorm();
+      ss += s.squaredNorm();
+    });
+    pair.yw = preconditioned_ ? yw : yy;
     if (!(pair.sy > 0.0 && pair.yw > 0.0) ||
         !(pair.sy / ss * (pair.sy / yy) > kLeastCurvature * kLeastCurvature)) {
       return;

@@ -193,7 +193,9 @@ TEST(Jamming, SharpProtocolEndsWithExactlyTheIsostaticContacts) {
     const Observables& o = result.jammed.observables;
     EXPECT_EQ(o.rigid_contacts, o.isostatic_contacts);
     EXPECT_LE(result.distance, 1e-4);
-    if (highest > 0.0) EXPECT_GE(highest - result.phi_j, 2e-3);
+    if (highest > 0.0) {
+      EXPECT_GE(highest - result.phi_j, 2e-3);
+    }
   }
 }
 

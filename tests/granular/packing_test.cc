@@ -219,6 +219,24 @@ TEST(PackingGenerator, AnotherSeedGivesAnotherPacking) {
   }
 }
 
+TEST(PackingGenerator, SpreadsRadiiUniformlyAboutThoseOfTheSpecies) {
+  GeneratorOptions options;
+  options.particles = 10000;
+  const Packing two = Generate(options);
+  constexpr double kWidth = 1e-3;
+  options.polydispersity = kWidth;
+  const Packing many = Generate(options);
+  EXPECT_EQ(many.positions, two.positions) << "the same places";
+  EXPECT_EQ(many.species, two.species);
+  EXPECT_NEAR(many.PackingFraction(), options.packing_fraction, 1e-14);
+  // Factors to the common scale, which the packing fraction sets.
+  Eigen::ArrayXd u = many.radii.array() / two.radii.array();
+  u = (u / u.mean() - 1.0) / kWidth;
+  EXPECT_NEAR(u.maxCoeff(), 1.0, 0.03);
+  EXPECT_NEAR(u.minCoeff(), -1.0, 0.03);
+  EXPECT_NEAR(u.square().mean(), 1.0 / 3.0, 0.015) << "five standard errors";
+}
+
 TEST(PackingGenerator, RefusesOptionsOutOfRangeInOneLine) {
   const auto refused = [](const std::function<void(GeneratorOptions*)>& spoil,
                           const std::string& why) {
@@ -238,6 +256,9 @@ TEST(PackingGenerator, RefusesOptionsOutOfRangeInOneLine) {
   refused([](auto* o) { o->packing_fraction = 0.0; }, "phi = 0");
   refused([](auto* o) { o->packing_fraction = 5.0; }, "phi = 5");
   refused([&](auto* o) { o->packing_fraction = nan; }, "phi = nan");
+  refused([](auto* o) { o->polydispersity = 1.0; }, "polydispersity = 1");
+  refused([](auto* o) { o->polydispersity = -0.1; }, "polydispersity = -0.1");
+  refused([&](auto* o) { o->polydispersity = nan; }, "polydispersity = nan");
   refused([](auto* o) { o->species.clear(); }, "species");
   refused([](auto* o) { o->species[1].relative_radius = 0.0; }, "species B");
   refused([&](auto* o) { o->species[1].relative_radius = nan; }, "species B");

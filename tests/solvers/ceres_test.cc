@@ -336,7 +336,8 @@ TEST_P(CeresMethods, NoRestartWhereNoRebaseIsPossible) {
 TEST(Monitor, FinishGivesTheBestPoint) {
   Quadratic quadratic(2);
   SolveOptions options;
-  Monitor monitor(&quadratic, options, "a method");
+  Monitor monitor(
+      &quadratic, options, "a method", Monitor::Cache::LAST_EVALUATION);
   const auto accept = [&](std::vector<double> x) {
     double cost;
     const double* gradient;
@@ -364,7 +365,8 @@ TEST(Monitor, RebaseMovesTheBestPoint) {
   Quadratic quadratic(2);
   Offset offset(&quadratic, 4.0, /*can_rebase=*/true);
   SolveOptions options;
-  Monitor monitor(&offset, options, "a method");
+  Monitor monitor(
+      &offset, options, "a method", Monitor::Cache::LAST_EVALUATION);
   std::vector<double> x = {4.5, 4.5};
   double cost;
   const double* gradient;

@@ -395,7 +395,7 @@ class GradientFlow : public Solver {
   Summary Minimize(FirstOrderFunction* function,
                    const SolveOptions& options,
                    double* x) const override {
-    Monitor monitor(function, options, name());
+    Monitor monitor(function, options, name(), Monitor::Cache::LAST_EVALUATION);
     Parameters parameters = parameters_;
     Flow flow(&monitor, MakeLinearSolver(&parameters), rtol_, krylov_);
     flow.Run(x);

@@ -1,0 +1,85 @@
+// granopt: the loops that first-order methods spend their time in, compiled for
+// each instruction set.
+
+#ifndef GRANOPT_GRANULAR_PAIR_LOOPS_H_
+#define GRANOPT_GRANULAR_PAIR_LOOPS_H_
+
+#include <cstdint>
+
+namespace granopt {
+
+// Arrays over pairs end with this many more entries, a multiple of which is
+// worked on at a time: grains 0 and 0 with r0 = d0 = 1 and delta0 = -1.
+constexpr int kPairPadding = 8;
+
+// Pairs compressed by their first grain, at the reference configuration:
+// separation r0 = x_i - x_j + H image, its length d0 > 0 and the overlap
+// delta0 = r_i + r_j - d0, each rounded once from double-double. `stiffness`
+// may be null (all 1).
+struct PairView {
+  int num_grains = 0;
+  int num_pairs = 0;
+  bool has_self_pairs = false;  // is there a pair with i = j?
+  const int* row_start = nullptr;
+  const int* i = nullptr;
+  const int* j = nullptr;
+  const double* r0[3] = {};
+  const double* d0 = nullptr;
+  const double* delta0 = nullptr;
+  const double* stiffness = nullptr;
+};
+
+struct ContactSums {
+  double energy = 0.0;   // sum k delta^alpha / alpha
+  double force = 0.0;    // sum f
+  double overlap = 0.0;  // sum delta
+  double virial = 0.0;   // sum f l
+  std::int64_t contacts = 0;
+};
+
+// Sums over all pairs at w = u - u_ref; gradient (d entries a grain) is
+// overwritten, may be null. With s = w_i - w_j a pair is evaluated by
+// differences,
+//   delta = delta0 - (2 r0.s + s.s) / (d + d0),   d = |r0 + s|,
+// which loses nothing to cancellation while |s| stays of the order of the
+// overlaps: the error is about eps |s|, against eps d for plain positions.
+//
+// Bitwise the same for every list that holds the contacts (an open gap adds
+// nothing, and contacts are added up in order) and for every instruction set.
+using PairSweep = ContactSums (*)(const PairView& pairs,
+                                  double alpha,
+                                  const double* w,
+                                  double* gradient);
+
+// The largest changes of a coordinate; `is_finite`: all of them are.
+struct Displacement {
+  bool is_finite = true;
+  double from_reference = 0.0;
+  double from_list = 0.0;
+};
+
+// w = u - u_ref for n entries.
+using Displace = Displacement (*)(int n,
+                                  const double* u,
+                                  const double* u_reference,
+                                  const double* u_list,
+                                  double* w);
+
+struct PairLoops {
+  PairSweep sweep = nullptr;
+  Displace displace = nullptr;
+};
+
+// `sweep` is null for a dimension other than 2 or 3 or an alpha that no law
+// handles.
+PairLoops PortablePairLoops(int dimension, double alpha);
+#ifdef __x86_64__
+PairLoops Avx2PairLoops(int dimension, double alpha);
+PairLoops Avx512PairLoops(int dimension, double alpha);
+#endif
+// For the widest instructions that this machine runs.
+PairLoops FastestPairLoops(int dimension, double alpha);
+
+}  // namespace granopt
+
+#endif  // GRANOPT_GRANULAR_PAIR_LOOPS_H_

@@ -1,0 +1,254 @@
+#include "granular/pair_loops.h"
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "granular/neighbor_list.h"
+#include "gtest/gtest.h"
+#include "solvers/instruction_set.h"
+#include "tests/granular/test_packings.h"
+
+namespace granopt {
+namespace {
+
+struct NamedLoops {
+  std::string name;
+  PairLoops loops;
+};
+
+// Of the instruction sets that this machine has.
+std::vector<NamedLoops> Runnable(int dimension, double alpha) {
+  std::vector<NamedLoops> all = {
+      {"portable", PortablePairLoops(dimension, alpha)}};
+#ifdef __x86_64__
+  if (Runs(InstructionSet::AVX2)) {
+    all.push_back({"AVX2", Avx2PairLoops(dimension, alpha)});
+  }
+  if (Runs(InstructionSet::AVX512)) {
+    all.push_back({"AVX-512", Avx512PairLoops(dimension, alpha)});
+  }
+#endif
+  return all;
+}
+
+// The arrays behind a PairView, in plain doubles.
+struct Pairs {
+  PairView view;
+  std::vector<int> row_start, i, j;
+  std::vector<double> r0[3], d0, delta0, stiffness;
+};
+
+// Of every pair nearer than `skin` mean radii; `stiff` gives each its own k.
+void MakePairs(const Packing& packing, double skin, bool stiff, Pairs* pairs) {
+  NeighborList list;
+  std::string error;
+  ASSERT_TRUE(BuildNeighborList(packing.box,
+                                packing.positions,
+                                packing.radii,
+                                skin * packing.MeanRadius(),
+                                &list,
+                                &error))
+      << error;
+  const int d = packing.dimension();
+  const int m = list.num_pairs();
+  pairs->row_start = list.row_start;
+  pairs->i = list.i;
+  pairs->j = list.j;
+  pairs->i.resize(m + kPairPadding, 0);
+  pairs->j.resize(m + kPairPadding, 0);
+  pairs->d0.assign(m + kPairPadding, 1.0);
+  pairs->delta0.assign(m + kPairPadding, -1.0);
+  pairs->stiffness.assign(m + kPairPadding, 1.0);
+  for (int c = 0; c < d; ++c) pairs->r0[c].assign(m + kPairPadding, 1.0);
+  for (int p = 0; p < m; ++p) {
+    const int i = list.i[p], j = list.j[p];
+    Eigen::VectorXd r = packing.positions.col(i) - packing.positions.col(j);
+    for (int c = 0; c < d; ++c) {
+      r += packing.box.edges().col(c) * list.image[p][c];
+    }
+    for (int c = 0; c < d; ++c) pairs->r0[c][p] = r[c];
+    pairs->d0[p] = std::max(r.norm(), std::numeric_limits<double>::min());
+    pairs->delta0[p] = packing.radii[i] + packing.radii[j] - pairs->d0[p];
+    // A function of the pair, not of its place in the list.
+    pairs->stiffness[p] = 1.0 + 0.25 * ((7 * i + 3 * j) % 5);
+    pairs->view.has_self_pairs = pairs->view.has_self_pairs || i == j;
+  }
+  pairs->view.num_grains = packing.size();
+  pairs->view.num_pairs = m;
+  pairs->view.row_start = pairs->row_start.data();
+  pairs->view.i = pairs->i.data();
+  pairs->view.j = pairs->j.data();
+  for (int c = 0; c < d; ++c) pairs->view.r0[c] = pairs->r0[c].data();
+  pairs->view.d0 = pairs->d0.data();
+  pairs->view.delta0 = pairs->delta0.data();
+  pairs->view.stiffness = stiff ? pairs->stiffness.data() : nullptr;
+}
+
+struct Values {
+  ContactSums sums;
+  std::vector<double> gradient;
+};
+
+Values Evaluate(const PairLoops& loops,
+                const Pairs& pairs,
+                int dimension,
+                double alpha,
+                const std::vector<double>& w) {
+  Values values;
+  values.gradient.assign(w.size(), std::nan(""));
+  values.sums =
+      loops.sweep(pairs.view, alpha, w.data(), values.gradient.data());
+  const ContactSums alone = loops.sweep(pairs.view, alpha, w.data(), nullptr);
+  EXPECT_EQ(alone.energy, values.sums.energy) << "without a gradient";
+  EXPECT_EQ(values.gradient.size(),
+            static_cast<std::size_t>(dimension * pairs.view.num_grains));
+  return values;
+}
+
+void ExpectSameBits(const Values& a, const Values& b) {
+  EXPECT_EQ(a.sums.energy, b.sums.energy);
+  EXPECT_EQ(a.sums.force, b.sums.force);
+  EXPECT_EQ(a.sums.overlap, b.sums.overlap);
+  EXPECT_EQ(a.sums.virial, b.sums.virial);
+  EXPECT_EQ(a.sums.contacts, b.sums.contacts);
+  EXPECT_EQ(a.gradient, b.gradient);
+}
+
+// Long double, pair by pair, as written in (4)-(8).
+void ExpectDefinition(const Values& values,
+                      const Pairs& pairs,
+                      int d,
+                      double alpha,
+                      const std::vector<double>& w) {
+  long double energy = 0, force_sum = 0, overlap = 0, virial = 0;
+  std::int64_t contacts = 0;
+  std::vector<long double> gradient(w.size(), 0);
+  for (int p = 0; p < pairs.view.num_pairs; ++p) {
+    const int i = pairs.i[p], j = pairs.j[p];
+    long double r[3] = {}, r2 = 0, r02 = 0;
+    for (int c = 0; c < d; ++c) {
+      r[c] = static_cast<long double>(pairs.r0[c][p]) + w[d * i + c] -
+             w[d * j + c];
+      r2 += r[c] * r[c];
+      r02 += static_cast<long double>(pairs.r0[c][p]) * pairs.r0[c][p];
+    }
+    const long double l = std::sqrt(r2);
+    const long double delta = pairs.delta0[p] - (l - std::sqrt(r02));
+    if (!(delta > 0)) continue;
+    ++contacts;
+    const long double k =
+        pairs.view.stiffness == nullptr ? 1.0 : pairs.stiffness[p];
+    const long double f =
+        k * std::pow(delta, static_cast<long double>(alpha) - 1);
+    energy += k * std::pow(delta, static_cast<long double>(alpha)) / alpha;
+    force_sum += f;
+    overlap += delta;
+    virial += f * l;
+    for (int c = 0; c < d && l > 0; ++c) {
+      gradient[d * i + c] -= f * r[c] / l;
+      gradient[d * j + c] += f * r[c] / l;
+    }
+  }
+  const auto near = [](double value, long double exact, const char* what) {
+    EXPECT_NEAR(value, static_cast<double>(exact), 1e-13 * std::abs(exact))
+        << what;
+  };
+  near(values.sums.energy, energy, "energy");
+  near(values.sums.force, force_sum, "force");
+  near(values.sums.overlap, overlap, "overlap");
+  near(values.sums.virial, virial, "virial");
+  EXPECT_EQ(values.sums.contacts, contacts);
+  const long double unit = force_sum / contacts;
+  for (std::size_t v = 0; v < w.size(); ++v) {
+    EXPECT_NEAR(values.gradient[v],
+                static_cast<double>(gradient[v]),
+                static_cast<double>(1e-13L * unit));
+  }
+}
+
+TEST(PairLoops, EveryInstructionSetHasTheSameBitsAndTheDefinition) {
+  // 3 grains: a cell that they touch themselves across. Others are no multiples
+  // of a register or a block.
+  for (const int d : {2, 3}) {
+    for (const int n : {3, 61, 500}) {
+      const Packing packing = RandomPacking(d, n, n == 3 ? 3.9 : 0.95, 3 + n);
+      std::vector<double> w(d * n);
+      for (std::size_t v = 0; v < w.size(); ++v) {
+        w[v] = 0.01 * packing.MeanRadius() * std::sin(1.0 + 7.0 * v);
+      }
+      for (const double alpha : {2.0, 2.5, 3.3}) {
+        for (const bool stiff : {false, true}) {
+          SCOPED_TRACE(testing::Message()
+                       << d << "D, " << n << " grains, alpha " << alpha
+                       << ", stiff " << stiff);
+          Pairs tight, wide;
+          MakePairs(packing, 0.1, stiff, &tight);
+          MakePairs(packing, 0.6, stiff, &wide);
+          EXPECT_GT(wide.view.num_pairs, tight.view.num_pairs);
+          EXPECT_EQ(tight.view.has_self_pairs, n == 3);
+          const auto all = Runnable(d, alpha);
+          const Values first = Evaluate(all[0].loops, tight, d, alpha, w);
+          ExpectDefinition(first, tight, d, alpha, w);
+          for (const NamedLoops& set : all) {
+            SCOPED_TRACE(set.name);
+            ExpectSameBits(first, Evaluate(set.loops, tight, d, alpha, w));
+            // Open gaps do not count.
+            ExpectSameBits(first, Evaluate(set.loops, wide, d, alpha, w));
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST(PairLoops, DisplacementsAreDifferencesAndTheirLargest) {
+  for (const NamedLoops& set : Runnable(2, 2.0)) {
+    SCOPED_TRACE(set.name);
+    for (const int n : {1, 2, 7, 8, 9, 64, 1001}) {
+      std::vector<double> u(n), reference(n), list(n), w(n);
+      for (int v = 0; v < n; ++v) {
+        u[v] = std::sin(3.0 * v);
+        reference[v] = std::cos(5.0 * v);
+        list[v] = 0.5 * std::cos(2.0 * v);
+      }
+      const auto displace = [&]() {
+        return set.loops.displace(
+            n, u.data(), reference.data(), list.data(), w.data());
+      };
+      // Each entry in turn is the one that has moved most.
+      for (int v = 0; v < n; v += 1 + n / 16) {
+        const double before = u[v];
+        u[v] = v % 2 == 0 ? -11.0 : 11.0;
+        const Displacement most = displace();
+        EXPECT_TRUE(most.is_finite);
+        EXPECT_EQ(most.from_reference, std::abs(u[v] - reference[v]));
+        EXPECT_EQ(most.from_list, std::abs(u[v] - list[v]));
+        for (int k = 0; k < n; ++k) EXPECT_EQ(w[k], u[k] - reference[k]);
+        for (const double bad : {std::nan(""), HUGE_VAL, -HUGE_VAL}) {
+          u[v] = bad;
+          EXPECT_FALSE(displace().is_finite) << "entry " << v << " = " << bad;
+        }
+        u[v] = before;
+      }
+    }
+  }
+}
+
+TEST(PairLoops, LawsAndDimensionsThatDoNotExistHaveNone) {
+  for (const double alpha : {1.9, std::nan("")}) {
+    for (const NamedLoops& set : Runnable(2, alpha)) {
+      EXPECT_EQ(set.loops.sweep, nullptr) << set.name;
+    }
+  }
+  for (const int dimension : {1, 4}) {
+    for (const NamedLoops& set : Runnable(dimension, 2.0)) {
+      EXPECT_EQ(set.loops.sweep, nullptr) << set.name;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace granopt
