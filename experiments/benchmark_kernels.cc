@@ -1,5 +1,7 @@
 // benchmark_kernels: energy and gradient of a relaxed packing against a plain
-// scalar loop over the same pairs, in one interleaved run.
+// scalar loop over the same pairs, and what else a method waits for: neighbour
+// list, reference configuration, Hessian, its analysis, factor and solve, in
+// one interleaved run.
 //
 //   benchmark_kernels [PACKING.xyz] --benchmark_enable_random_interleaving=true
 //                     --benchmark_repetitions=9
@@ -13,7 +15,7 @@
 //
 // The packing: discs in a square cell; without a file 4096 (1:1, ratio 1.4) at
 // phi = 0.8438, relaxed from a random start. Arguments count its periodic
-// copies, 1 and 64.
+// copies, 1, 16 and 64.
 
 #include <cmath>
 #include <cstdio>
@@ -29,6 +31,7 @@
 #include "granular/packing_generator.h"
 #include "granular/packing_io.h"
 #include "granular/relaxation.h"
+#include "solvers/multifrontal_cholesky.h"
 #include "solvers/registry.h"
 
 namespace granopt {
@@ -203,8 +206,101 @@ void BM_PlainLoop(benchmark::State& state) {
   PerGrain(state, packing);
 }
 
+void BM_NeighborList(benchmark::State& state) {
+  const Packing& packing = PackingOf(static_cast<int>(state.range(0)));
+  NeighborList list;
+  std::string error;
+  for (auto _ : state) {
+    BuildNeighborList(packing.box,
+                      packing.positions,
+                      packing.radii,
+                      kSkin * packing.radii.minCoeff(),
+                      &list,
+                      &error);
+    benchmark::DoNotOptimize(list.j.data());
+  }
+  PerGrain(state, packing);
+}
+
+// The reference configuration made anew, in twice the digits.
+void BM_Rebase(benchmark::State& state) {
+  const Packing& packing = PackingOf(static_cast<int>(state.range(0)));
+  std::string error;
+  const auto energy = ContactEnergy::Create(packing, {}, &error);
+  std::vector<double> u(energy->NumParameters(), 0.0);
+  for (auto _ : state) energy->Rebase(u.data());
+  PerGrain(state, packing);
+}
+
+// A packing's Hessian and what is made of it.
+struct Stiff {
+  explicit Stiff(const Packing& packing) {
+    std::string error;
+    energy = ContactEnergy::Create(packing, {}, &error);
+    x.assign(energy->NumParameters(), 0.0);
+    energy->EvaluateHessian(x.data(), &hessian);
+  }
+
+  std::unique_ptr<ContactEnergy> energy;
+  std::vector<double> x;
+  SparseMatrix hessian;
+};
+constexpr double kShift = 1e-3;  // rattlers have no stiffness
+
+void BM_Hessian(benchmark::State& state) {
+  const Packing& packing = PackingOf(static_cast<int>(state.range(0)));
+  Stiff stiff(packing);
+  for (auto _ : state) {
+    stiff.energy->EvaluateHessian(stiff.x.data(), &stiff.hessian);
+    benchmark::DoNotOptimize(stiff.hessian.valuePtr());
+  }
+  PerGrain(state, packing);
+}
+
+void BM_Analyze(benchmark::State& state) {
+  const Packing& packing = PackingOf(static_cast<int>(state.range(0)));
+  const Stiff stiff(packing);
+  for (auto _ : state) {
+    MultifrontalCholesky factor;
+    benchmark::DoNotOptimize(factor.Analyze(stiff.hessian));
+  }
+  PerGrain(state, packing);
+}
+
+void BM_Factorize(benchmark::State& state) {
+  const Packing& packing = PackingOf(static_cast<int>(state.range(0)));
+  const Stiff stiff(packing);
+  MultifrontalCholesky factor;
+  factor.Analyze(stiff.hessian);
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(
+        factor.Factorize(stiff.hessian.valuePtr(), kShift));
+  }
+  PerGrain(state, packing);
+}
+
+void BM_Solve(benchmark::State& state) {
+  const Packing& packing = PackingOf(static_cast<int>(state.range(0)));
+  Stiff stiff(packing);
+  MultifrontalCholesky factor;
+  factor.Analyze(stiff.hessian);
+  factor.Factorize(stiff.hessian.valuePtr(), kShift);
+  const std::vector<double> b(stiff.x.size(), 1.0);
+  for (auto _ : state) {
+    factor.Solve(b.data(), stiff.x.data());
+    benchmark::DoNotOptimize(stiff.x.data());
+  }
+  PerGrain(state, packing);
+}
+
 BENCHMARK(BM_ContactEnergy)->Arg(1)->Arg(64);
 BENCHMARK(BM_PlainLoop)->Arg(1)->Arg(64);
+BENCHMARK(BM_NeighborList)->Arg(1)->Arg(64);
+BENCHMARK(BM_Rebase)->Arg(1)->Arg(64);
+BENCHMARK(BM_Hessian)->Arg(1)->Arg(64);
+BENCHMARK(BM_Analyze)->Arg(1)->Arg(16);
+BENCHMARK(BM_Factorize)->Arg(1)->Arg(16);
+BENCHMARK(BM_Solve)->Arg(1)->Arg(16);
 
 }  // namespace
 }  // namespace granopt

@@ -235,6 +235,7 @@ void PrintSizes(const std::vector<SizeStatistics>& sizes) {
       "\n    grains  packings  mean phi_J  deviation  s. e.     least     most "
       " "
       "    largest error bar  isostatic  certified\n");
+  bool isostatic = true;
   for (const SizeStatistics& s : sizes) {
     if (s.complete == 0) {
       std::printf("    %6d  %8d\n", s.particles, 0);
@@ -252,6 +253,13 @@ void PrintSizes(const std::vector<SizeStatistics>& sizes) {
         s.largest_error,
         Format("%d of %d", s.isostatic, s.complete).c_str(),
         Format("%d of %d", s.certified, s.complete).c_str());
+    isostatic = isostatic && s.isostatic == s.complete;
+  }
+  if (!isostatic) {
+    std::printf(
+        "  not all are isostatic: loops of equal grains may close by "
+        "themselves; "
+        "with radii that all\n  differ (--polydispersity=1e-3) none does\n");
   }
 }
 

@@ -48,7 +48,9 @@ Image Box::CellOf(const double* x) const {
     // Further out (or nowhere, NaN) there is no image to speak of.
     constexpr double kMostCells = 1e9;
     if (std::abs(fraction) < kMostCells) {
-      n[k] = static_cast<int>(std::floor(fraction));
+      // The floor, which is a call of the library on old machines.
+      n[k] = static_cast<int>(fraction);
+      if (fraction < n[k]) --n[k];
     }
   }
   return n;

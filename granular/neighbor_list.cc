@@ -20,9 +20,38 @@ struct Entry {
 struct Level {
   double max_radius = 0.0;
   std::array<int, 3> cells = {1, 1, 1};
-  std::vector<int> start;    // cells + 1
-  std::vector<int> members;  // grains, by cell
+  std::array<double, 3> width = {1.0, 1.0, 1.0};  // of a cell
+  std::vector<int> start;                         // cells + 1
+  std::vector<int> members;                       // grains, by cell
+  std::vector<double> place;                      // their d coordinates,
+  std::vector<double> radius;                     // and their radii
 };
+
+// Cells in one direction, seen from another: the first, their number, and how
+// many cell lengths away their image is.
+struct Step {
+  int cell;
+  int count;
+  int turns;
+};
+
+// The cells home - reach ... home + reach of a ring of `cells`; `join`: in
+// runs.
+void SetSteps(
+    int home, int reach, int cells, bool join, std::vector<Step>* steps) {
+  steps->clear();
+  Step next = {home - reach, 1, 0};
+  for (; next.cell < 0; next.cell += cells) --next.turns;
+  for (int k = -reach; k <= reach; ++k) {
+    if (join && k > -reach && next.cell > 0 && next.cell < cells) {
+      ++steps->back().count;
+    } else {
+      if (next.cell == cells) next = {0, 1, next.turns + 1};
+      steps->push_back(next);
+    }
+    ++next.cell;
+  }
+}
 
 bool IsPositive(const Image& n) {
   for (int k = 0; k < 3; ++k) {
@@ -31,16 +60,14 @@ bool IsPositive(const Image& n) {
   return false;
 }
 
-}  // namespace
-
-bool BuildNeighborList(const Box& given_box,
-                       const Eigen::MatrixXd& positions,
-                       const Eigen::VectorXd& radii,
-                       double skin,
-                       NeighborList* list,
-                       std::string* error) {
+template <int d>
+bool Build(const Box& given_box,
+           const Eigen::MatrixXd& positions,
+           const Eigen::VectorXd& radii,
+           double skin,
+           NeighborList* list,
+           std::string* error) {
   const int n = static_cast<int>(radii.size());
-  const int d = given_box.dimension();
   // Beyond this ratio small grains are lost in the rounding of large ones.
   constexpr double kMostRatio = 1e9;
   int smallest;
@@ -55,7 +82,7 @@ bool BuildNeighborList(const Box& given_box,
   const Box box = given_box.Reduced(&transform);
 
   // Into the cell; the list's images refer to the positions as given.
-  Eigen::MatrixXd x(d, n);
+  std::vector<double> at(static_cast<std::size_t>(d) * n);
   Eigen::MatrixXd fraction(d, n);
   std::vector<Image> wrap(n);
   for (int i = 0; i < n; ++i) {
@@ -65,11 +92,11 @@ bool BuildNeighborList(const Box& given_box,
     for (int k = 0; k < d; ++k) {
       double shift = 0.0;
       for (int c = 0; c < d; ++c) shift += box.edges()(k, c) * wrap[i][c];
-      x(k, i) = p[k] - shift;
+      at[d * i + k] = p[k] - shift;
     }
     for (int k = 0; k < d; ++k) {
       double f = 0.0;
-      for (int c = 0; c < d; ++c) f += box.inverse()(k, c) * x(c, i);
+      for (int c = 0; c < d; ++c) f += box.inverse()(k, c) * at[d * i + c];
       // Rounding may leave the cell by an ulp; the bin is then the nearest one.
       fraction(k, i) = std::min(std::max(f, 0.0), 1.0 - 1e-16);
     }
@@ -93,7 +120,7 @@ bool BuildNeighborList(const Box& given_box,
     l.max_radius = std::max(l.max_radius, radii[i]);
     ++population[level[i]];
   }
-  const auto cell_index = [d](const Level& l, const int* c) {
+  const auto cell_index = [](const Level& l, const int* c) {
     int index = c[0];
     for (int k = 1; k < d; ++k) index = index * l.cells[k] + c[k];
     return index;
@@ -115,6 +142,7 @@ bool BuildNeighborList(const Box& given_box,
     for (int k = 0; k < d; ++k) {
       const double fit = std::floor(box.Height(k) / width);
       l.cells[k] = std::max(1, static_cast<int>(std::min<double>(fit, most)));
+      l.width[k] = box.Height(k) / l.cells[k];
       total *= l.cells[k];
     }
     l.start.assign(total + 1, 0);
@@ -132,67 +160,88 @@ bool BuildNeighborList(const Box& given_box,
       cell_of(l, i, c);
       l.members[fill[cell_index(l, c)]++] = i;
     }
+    l.place.resize(static_cast<std::size_t>(d) * population[a]);
+    l.radius.resize(population[a]);
+    for (int q = 0; q < population[a]; ++q) {
+      const int i = l.members[q];
+      for (int k = 0; k < d; ++k) l.place[d * q + k] = at[d * i + k];
+      l.radius[q] = radii[i];
+    }
   }
 
   std::vector<Entry> entries;
   entries.reserve(static_cast<std::size_t>(n) * (d == 2 ? 4 : 8));
+  std::vector<Step> steps[3] = {{{0, 1, 0}}, {{0, 1, 0}}, {{0, 1, 0}}};
+  std::vector<int> found;
   for (int i = 0; i < n; ++i) {
     for (int a = level[i]; a < num_levels; ++a) {
       const Level& l = levels[a];
       if (population[a] == 0) continue;
       const double range = (radii[i] + l.max_radius + skin) * (1.0 + 1e-12);
-      int home[3], reach[3] = {0, 0, 0};
+      int home[3];
       cell_of(l, i, home);
       for (int k = 0; k < d; ++k) {
-        const double cell_width = box.Height(k) / l.cells[k];
-        const double steps = std::ceil(range / cell_width);
-        if (!(steps <= static_cast<double>(kMaxImages) * l.cells[k])) {
+        const double cells = range / l.width[k];
+        if (!(cells <= static_cast<double>(kMaxImages) * l.cells[k])) {
           *error = "grain " + std::to_string(i) + ": range " +
                    std::to_string(range) + " needs more than " +
                    std::to_string(kMaxImages) + " images of a cell of height " +
                    std::to_string(box.Height(k));
           return false;
         }
-        reach[k] = static_cast<int>(steps);
+        SetSteps(home[k],
+                 static_cast<int>(cells) + 1,
+                 l.cells[k],
+                 /*join=*/k == d - 1,
+                 &steps[k]);
       }
-      int offset[3] = {0, 0, 0};
-      for (offset[0] = -reach[0]; offset[0] <= reach[0]; ++offset[0]) {
-        for (offset[1] = -reach[1]; offset[1] <= reach[1]; ++offset[1]) {
-          for (offset[2] = -reach[2]; offset[2] <= reach[2]; ++offset[2]) {
-            int c[3] = {0, 0, 0};
-            Image cell_image = {0, 0, 0};
-            double shift[3] = {0.0, 0.0, 0.0};
-            bool shifted = false;
+      // Cells that differ in the last direction only lie one after the other.
+      const std::vector<Step>& last = steps[d - 1];
+      for (const Step& s0 : steps[0]) {
+        for (const Step& s1 : d == 3 ? steps[1] : last) {
+          for (const Step& s2 : d == 3 ? last : steps[2]) {
+            const Image cell_image = {s0.turns, s1.turns, s2.turns};
+            const bool shifted =
+                s0.turns != 0 || s1.turns != 0 || s2.turns != 0;
+            // x_i less the image's shift.
+            double from[d];
             for (int k = 0; k < d; ++k) {
-              int target = home[k] + offset[k];
-              // floor division
-              int turns = target / l.cells[k];
-              if (target % l.cells[k] < 0) --turns;
-              c[k] = target - turns * l.cells[k];
-              cell_image[k] = turns;
-              shifted = shifted || turns != 0;
-            }
-            if (shifted) {
-              for (int k = 0; k < d; ++k) {
-                for (int m = 0; m < d; ++m) {
-                  shift[k] += box.edges()(k, m) * cell_image[m];
-                }
+              from[k] = at[d * i + k];
+              if (!shifted) continue;
+              for (int m = 0; m < d; ++m) {
+                from[k] -= box.edges()(k, m) * cell_image[m];
               }
             }
-            const int cell = cell_index(l, c);
-            for (int q = l.start[cell]; q < l.start[cell + 1]; ++q) {
-              const int j = l.members[q];
-              // j's image is at x_j + H cell_image: r = x_i - x_j - H
-              // cell_image.
-              if (a == level[i] && (j < i || (j == i && !shifted))) continue;
-              if (j == i && IsPositive(cell_image)) continue;
+            const int row = d == 2
+                                ? s0.cell * l.cells[1]
+                                : (s0.cell * l.cells[1] + s1.cell) * l.cells[2];
+            const Step& run = d == 2 ? s1 : s2;
+            const int begin = l.start[row + run.cell];
+            const int end = l.start[row + run.cell + run.count];
+            // Of a level with itself each pair is found once.
+            const int least = a > level[i] ? 0 : shifted ? i : i + 1;
+            const double reach = radii[i] + skin;
+            // Without branches, which would be guessed wrong half of the time.
+            if (static_cast<int>(found.size()) < end - begin) {
+              found.resize(end - begin);
+            }
+            int count = 0;
+            for (int q = begin; q < end; ++q) {
               double r2 = 0.0;
               for (int k = 0; k < d; ++k) {
-                const double r = x(k, i) - (x(k, j) + shift[k]);
+                const double r = from[k] - l.place[d * q + k];
                 r2 += r * r;
               }
-              const double cutoff = radii[i] + radii[j] + skin;
-              if (!(r2 < cutoff * cutoff)) continue;
+              const double cutoff = reach + l.radius[q];
+              found[count] = l.members[q];
+              count += static_cast<int>(r2 < cutoff * cutoff) &
+                       static_cast<int>(l.members[q] >= least);
+            }
+            for (int f = 0; f < count; ++f) {
+              const int j = found[f];
+              // j's image is at x_j + H cell_image: r = x_i - x_j - H
+              // cell_image.
+              if (j == i && (!shifted || IsPositive(cell_image))) continue;
               // From wrapped to given positions: x_i = p_i - H wrap_i.
               Image reduced = {0, 0, 0};
               for (int k = 0; k < d; ++k) {
@@ -226,29 +275,37 @@ bool BuildNeighborList(const Box& given_box,
   list->row_start.assign(n + 1, 0);
   for (const Entry& e : entries) ++list->row_start[e.i + 1];
   for (int i = 0; i < n; ++i) list->row_start[i + 1] += list->row_start[i];
-  std::vector<int> order(entries.size());
-  std::vector<int> fill(list->row_start.begin(), list->row_start.end() - 1);
-  for (std::size_t e = 0; e < entries.size(); ++e) {
-    order[fill[entries[e].i]++] = static_cast<int>(e);
-  }
+  // Into rows, each in order: they are short.
   list->i.resize(entries.size());
   list->j.resize(entries.size());
   list->image.resize(entries.size());
-  for (int i = 0; i < n; ++i) {
-    std::sort(order.begin() + list->row_start[i],
-              order.begin() + list->row_start[i + 1],
-              [&](int a, int b) {
-                const Entry& ea = entries[a];
-                const Entry& eb = entries[b];
-                return ea.j != eb.j ? ea.j < eb.j : ea.image < eb.image;
-              });
-  }
-  for (std::size_t p = 0; p < order.size(); ++p) {
-    list->i[p] = entries[order[p]].i;
-    list->j[p] = entries[order[p]].j;
-    list->image[p] = entries[order[p]].image;
+  std::vector<int> fill(list->row_start.begin(), list->row_start.end() - 1);
+  for (const Entry& e : entries) {
+    int p = fill[e.i]++;
+    list->i[p] = e.i;
+    for (; p > list->row_start[e.i]; --p) {
+      const int j = list->j[p - 1];
+      if (j < e.j || (j == e.j && list->image[p - 1] < e.image)) break;
+      list->j[p] = j;
+      list->image[p] = list->image[p - 1];
+    }
+    list->j[p] = e.j;
+    list->image[p] = e.image;
   }
   return true;
+}
+
+}  // namespace
+
+bool BuildNeighborList(const Box& box,
+                       const Eigen::MatrixXd& positions,
+                       const Eigen::VectorXd& radii,
+                       double skin,
+                       NeighborList* list,
+                       std::string* error) {
+  return box.dimension() == 2
+             ? Build<2>(box, positions, radii, skin, list, error)
+             : Build<3>(box, positions, radii, skin, list, error);
 }
 
 }  // namespace granopt
