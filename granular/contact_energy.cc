@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "granular/network_preconditioner.h"
+#include "granular/pair_blocks.h"
 
 namespace granopt {
 namespace {
@@ -49,7 +50,6 @@ ContactEnergy::ContactEnergy(const Packing& packing,
       mean_radius_(packing.MeanRadius()),
       min_radius_(packing.radii.minCoeff()),
       loops_(FastestPairLoops(packing.dimension(), options.alpha)),
-      kernel_(MakeContactKernel(packing.dimension(), options.alpha)),
       u_reference_(NumParameters(), 0.0),
       workspace_(NumParameters(), 0.0),
       u_list_(NumParameters(), 0.0),
@@ -288,13 +288,25 @@ bool ContactEnergy::HessianTimes(const double* u,
                                  const double* v,
                                  double* hv) const {
   if (!Prepare(u)) return false;
-  kernel_->HessianTimes(View(), workspace_.data(), v, hv);
+  UpdateStates();
+  PairHessianTimes(dimension_, View(), states_, v, hv);
   return true;
 }
 
 void ContactEnergy::UpdateStates() const {
-  states_.resize(list_.num_pairs());
-  kernel_->States(View(), workspace_.data(), states_.data());
+  const std::size_t m = list_.num_pairs() + kPairPadding;
+  states_memory_.resize((4 + dimension_) * m);
+  double* next = states_memory_.data();
+  const auto array = [&next, m]() {
+    next += m;
+    return next - m;
+  };
+  states_.delta = array();
+  states_.distance = array();
+  for (int k = 0; k < dimension_; ++k) states_.normal[k] = array();
+  states_.force = array();
+  states_.stiffness = array();
+  loops_.states(View(), options_.alpha, workspace_.data(), states_);
 }
 
 void ContactEnergy::UpdatePattern(const double* first) const {
@@ -320,7 +332,7 @@ void ContactEnergy::UpdatePattern(const double* first) const {
         block_rank_[p] = 0;  // never needed: an image moves with its grain
         continue;
       }
-      if (!(states_[p].delta > -margin) && first[p] == 0.0) continue;
+      if (!(states_.delta[p] > -margin) && first[p] == 0.0) continue;
       if (list_.j[p] != previous) ++blocks;
       previous = list_.j[p];
       block_rank_[p] = blocks - 1;
@@ -330,22 +342,10 @@ void ContactEnergy::UpdatePattern(const double* first) const {
           column_start_[d * i + c] + (d - c) + d * blocks;
     }
   }
-}
-
-void ContactEnergy::WriteBlocks(const double* first,
-                                const double* second,
-                                SparseMatrix* hessian) const {
-  UpdatePattern(first);
-  const int d = dimension_;
-  const int n = NumParameters();
-  hessian->resize(n, n);
-  hessian->resizeNonZeros(column_start_[n]);
-  std::copy(
-      column_start_.begin(), column_start_.end(), hessian->outerIndexPtr());
-  int* rows = hessian->innerIndexPtr();
+  rows_.resize(column_start_[NumParameters()]);
   for (int i = 0; i < num_grains_; ++i) {
     for (int c = 0; c < d; ++c) {
-      int* row = rows + column_start_[d * i + c];
+      int* row = rows_.data() + column_start_[d * i + c];
       for (int r = c; r < d; ++r) *row++ = d * i + r;
       int previous = -1;
       for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
@@ -358,14 +358,30 @@ void ContactEnergy::WriteBlocks(const double* first,
       }
     }
   }
+}
+
+void ContactEnergy::WriteBlocks(const double* first,
+                                const double* second,
+                                double theta,
+                                SparseMatrix* hessian) const {
+  UpdatePattern(first);
+  const int d = dimension_;
+  const int n = NumParameters();
+  hessian->resize(n, n);
+  hessian->resizeNonZeros(column_start_[n]);
+  std::copy(
+      column_start_.begin(), column_start_.end(), hessian->outerIndexPtr());
+  std::copy(rows_.begin(), rows_.end(), hessian->innerIndexPtr());
   std::fill(hessian->valuePtr(), hessian->valuePtr() + column_start_[n], 0.0);
-  kernel_->AddBlocks(View(),
-                     states_.data(),
-                     first,
-                     second,
-                     block_rank_.data(),
-                     column_start_.data(),
-                     hessian->valuePtr());
+  AddPairBlocks(d,
+                View(),
+                states_,
+                first,
+                second,
+                theta,
+                block_rank_.data(),
+                column_start_.data(),
+                hessian->valuePtr());
 }
 
 bool ContactEnergy::EvaluateStiffness(const double* u,
@@ -373,14 +389,7 @@ bool ContactEnergy::EvaluateStiffness(const double* u,
                                       SparseMatrix* hessian) const {
   if (!Prepare(u)) return false;
   UpdateStates();
-  const int m = list_.num_pairs();
-  first_.resize(m);
-  second_.resize(m);
-  for (int p = 0; p < m; ++p) {
-    first_[p] = states_[p].stiffness;
-    second_[p] = theta * states_[p].force;
-  }
-  WriteBlocks(first_.data(), second_.data(), hessian);
+  WriteBlocks(states_.stiffness, states_.force, theta, hessian);
   return true;
 }
 
@@ -391,7 +400,7 @@ bool ContactEnergy::EvaluateWeightedHessian(const double* u,
   const std::int64_t version = list_version_;
   if (!Prepare(u) || version != list_version_) return false;
   UpdateStates();
-  WriteBlocks(first, second, hessian);
+  WriteBlocks(first, second, 1.0, hessian);
   return true;
 }
 
@@ -399,7 +408,7 @@ void ContactEnergy::EvaluateLaw(int n,
                                 const double* overlap,
                                 double* force,
                                 double* stiffness) const {
-  kernel_->Apply(n, overlap, force, stiffness);
+  loops_.law(options_.alpha, n, overlap, force, stiffness);
 }
 
 bool ContactEnergy::EvaluateGaps(const double* u, Gaps* gaps) const {
@@ -423,23 +432,23 @@ bool ContactEnergy::EvaluateGaps(const double* u, Gaps* gaps) const {
     for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
       const int j = list_.j[p];
       gaps->ids[p] = {i, j, list_.image[p]};
-      gaps->delta[p] = states_[p].delta;
+      gaps->delta[p] = states_.delta[p];
       gaps->stiffness[p] = pair_stiffness_.empty() ? 1.0 : pair_stiffness_[p];
       // n (x) n is removed from the unit matrix, and 1 / l is left. Centres
       // that coincide have no direction.
       gaps->curvature[p] =
-          i != j && states_[p].distance > 0.0 ? 1.0 / states_[p].distance : 0.0;
+          i != j && states_.distance[p] > 0.0 ? 1.0 / states_.distance[p] : 0.0;
       *(row_end + 1) = *row_end;
       ++row_end;
       if (i == j) continue;  // an image moves with its grain
       *row_end += 2 * d;
       for (int k = 0; k < d; ++k) {
         *column++ = d * i + k;
-        *value++ = -states_[p].normal[k];
+        *value++ = -states_.normal[k][p];
       }
       for (int k = 0; k < d; ++k) {
         *column++ = d * j + k;
-        *value++ = states_[p].normal[k];
+        *value++ = states_.normal[k][p];
       }
     }
   }
@@ -463,15 +472,17 @@ std::vector<Contact> ContactEnergy::Contacts(const double* u) const {
   UpdateStates();
   for (int i = 0; i < num_grains_; ++i) {
     for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
-      const PairState& state = states_[p];
-      if (!(state.delta > 0.0)) continue;
+      if (!(states_.delta[p] > 0.0)) continue;
       Contact contact;
       contact.id = {i, list_.j[p], list_.image[p]};
-      contact.overlap = state.delta;
-      contact.distance = state.distance;
-      contact.normal = Eigen::Map<const SmallVector>(state.normal, dimension_);
-      contact.force = state.force;
-      contact.stiffness = state.stiffness;
+      contact.overlap = states_.delta[p];
+      contact.distance = states_.distance[p];
+      contact.normal.resize(dimension_);
+      for (int k = 0; k < dimension_; ++k) {
+        contact.normal[k] = states_.normal[k][p];
+      }
+      contact.force = states_.force[p];
+      contact.stiffness = states_.stiffness[p];
       contacts.push_back(contact);
     }
   }

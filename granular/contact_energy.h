@@ -8,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "granular/contact_kernel.h"
 #include "granular/neighbor_list.h"
 #include "granular/packing.h"
 #include "granular/pair_loops.h"
@@ -128,6 +127,7 @@ class ContactEnergy : public UnilateralFunction {
   void UpdatePattern(const double* first) const;
   void WriteBlocks(const double* first,
                    const double* second,
+                   double theta,
                    SparseMatrix* hessian) const;
   PairView View() const;
   double PairStiffness(int i, int j) const;
@@ -139,7 +139,6 @@ class ContactEnergy : public UnilateralFunction {
   double mean_radius_ = 0.0;
   double min_radius_ = 0.0;
   const PairLoops loops_;
-  const std::unique_ptr<ContactKernel> kernel_;
 
   std::vector<double> u_reference_;
   // Workspaces: one object must not be evaluated from two threads at once.
@@ -154,13 +153,13 @@ class ContactEnergy : public UnilateralFunction {
   mutable std::vector<int> pair_i_, pair_j_;
   mutable std::vector<double> r0_[3], d0_, delta0_;
   mutable std::vector<double> pair_stiffness_;  // empty: all 1
-  mutable std::vector<PairState> states_;
-  mutable std::vector<double> first_, second_;  // weights of the Hessian
+  mutable PairStates states_;
+  mutable std::vector<double> states_memory_;
   // The pattern of the Hessian: the place of a pair's block below the diagonal
   // of its column, -1 if it has none, and the start of each column.
   mutable std::int64_t pattern_version_ = 0;
   mutable std::int64_t pattern_list_version_ = -1;
-  mutable std::vector<int> block_rank_, column_start_;
+  mutable std::vector<int> block_rank_, column_start_, rows_;
   mutable Displacement moved_;         // of the last evaluation
   mutable double last_overlap_ = 0.0;  // mean, of the last evaluation
 };

@@ -65,13 +65,32 @@ using Displace = Displacement (*)(int n,
                                   const double* u_list,
                                   double* w);
 
+// Pair by pair, arrays as long as those of PairView with their padding.
+struct PairStates {
+  double* delta = nullptr;      // overlap, negative where open
+  double* distance = nullptr;   // l
+  double* normal[3] = {};       // n = (x_i - x_j) / l; 0 where centres coincide
+  double* force = nullptr;      // f(delta), 0 where open
+  double* stiffness = nullptr;  // f'(delta), 0 where open
+};
+using FindStates = void (*)(const PairView& pairs,
+                            double alpha,
+                            const double* w,
+                            const PairStates& states);
+
+// Force and stiffness of m overlaps >= 0 at k = 1.
+using ApplyLaw = void (*)(
+    double alpha, int m, const double* delta, double* force, double* stiffness);
+
 struct PairLoops {
   PairSweep sweep = nullptr;
+  FindStates states = nullptr;
+  ApplyLaw law = nullptr;
   Displace displace = nullptr;
 };
 
-// `sweep` is null for a dimension other than 2 or 3 or an alpha that no law
-// handles.
+// All but `displace` are null for a dimension other than 2 or 3 or an alpha
+// that no law handles.
 PairLoops PortablePairLoops(int dimension, double alpha);
 #ifdef __x86_64__
 PairLoops Avx2PairLoops(int dimension, double alpha);

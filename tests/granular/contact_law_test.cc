@@ -6,7 +6,7 @@
 #include <limits>
 #include <type_traits>
 
-#include "granular/contact_kernel.h"
+#include "granular/pair_loops.h"
 #include "gtest/gtest.h"
 
 namespace granopt {
@@ -191,13 +191,13 @@ TEST(ContactLaw, TheFirstLawThatHandlesAnExponentIsTheSpecialOne) {
 TEST(ContactLaw, KernelsExistForTwoAndThreeDimensionsAndExponentsFromTwo) {
   for (const int dimension : {2, 3}) {
     for (const double alpha : {2.0, 2.5, 3.3}) {
-      EXPECT_NE(MakeContactKernel(dimension, alpha), nullptr);
+      EXPECT_NE(FastestPairLoops(dimension, alpha).sweep, nullptr);
     }
-    EXPECT_EQ(MakeContactKernel(dimension, 1.9), nullptr);
-    EXPECT_EQ(MakeContactKernel(dimension, std::nan("")), nullptr);
+    EXPECT_EQ(FastestPairLoops(dimension, 1.9).sweep, nullptr);
+    EXPECT_EQ(FastestPairLoops(dimension, std::nan("")).sweep, nullptr);
   }
-  EXPECT_EQ(MakeContactKernel(1, 2.0), nullptr);
-  EXPECT_EQ(MakeContactKernel(4, 2.0), nullptr);
+  EXPECT_EQ(FastestPairLoops(1, 2.0).sweep, nullptr);
+  EXPECT_EQ(FastestPairLoops(4, 2.0).sweep, nullptr);
 }
 
 }  // namespace
