@@ -1,0 +1,76 @@
+"""Instructions per grain of each kernel against those on record.
+
+    instructions_test.py RUN_KERNEL PACKING RECORD [--update]
+
+Counts under valgrind do not depend on what else the machine does. They do on
+compiler and instruction set, so a record of others is not compared (exit 77,
+as where there is no valgrind). More than 3 % above is a failure; as much below
+is one, too, until --update has put the better numbers on record.
+"""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+
+TOLERANCE = 0.03
+KERNELS = {"energy": 20, "hessian": 10, "list": 5, "rebase": 5, "analyze": 2,
+           "factorize": 3, "solve": 10, "fire": 1, "lbfgs": 1}
+
+
+def Count(program, packing, kernel, times):
+  with tempfile.TemporaryDirectory() as folder:
+    run = subprocess.run(
+        ["valgrind", "--tool=callgrind", "--log-file=" + folder + "/log",
+         "--callgrind-out-file=" + folder + "/out", program, packing, kernel,
+         str(times)], stdout=subprocess.PIPE, text=True, check=True,
+        env=dict(os.environ, LD_BIND_NOW="1"))
+    with open(folder + "/out") as file:
+      total = re.search(r"^(?:summary|totals): (\d+)", file.read(), re.M)
+  return int(total.group(1)), run.stdout.strip()
+
+
+def main():
+  program, packing, record = sys.argv[1:4]
+  if shutil.which("valgrind") is None:
+    print("no valgrind (apt install valgrind)")
+    return 77
+  with open(packing) as file:
+    grains = int(file.readline())
+  compiler = subprocess.run(["c++", "-dumpfullversion"], text=True,
+                            stdout=subprocess.PIPE).stdout.strip()
+  now = {}
+  none, machine = Count(program, packing, "energy", 0)
+  for kernel, times in KERNELS.items():
+    some, _ = Count(program, packing, kernel, times)
+    now[kernel] = round((some - none) / times / grains, 1)
+  setup = f"g++ {compiler}, {machine}"
+  if "--update" in sys.argv:
+    with open(record, "w") as file:
+      json.dump({"setup": setup, "instructions_per_grain": now}, file, indent=2)
+      file.write("\n")
+    return 0
+  with open(record) as file:
+    before = json.load(file)
+  if before["setup"] != setup:
+    print(f"on record: {before['setup']}; here: {setup}: not compared")
+    return 77
+  status = 0
+  print("kernel     on record       now   change")
+  for kernel, count in now.items():
+    old = before["instructions_per_grain"][kernel]
+    change = count / old - 1
+    verdict = ""
+    if abs(change) > TOLERANCE:
+      status = 1
+      verdict = "  more work than before" if change > 0 else (
+          "  less: put it on record (--update)")
+    print(f"{kernel:9s}  {old:9.1f} {count:9.1f}  {100 * change:+6.1f} %{verdict}")
+  return status
+
+
+if __name__ == "__main__":
+  sys.exit(main())
