@@ -183,7 +183,7 @@ bool Monitor::Evaluate(const double* x,
                        value,
                        static_cast<long long>(counters_.evaluations)));
   };
-  evaluated_.x = x;
+  evaluated_.x = gradient != nullptr ? x : nullptr;
   evaluated_.max_x = MaxNorm(x, n_);
   evaluated_.gradient = nullptr;
   if (!std::isfinite(evaluated_.max_x)) {
@@ -439,6 +439,7 @@ bool Monitor::Rebase(double* x) {
   }
   ++counters_.rebases;
   cache_valid_ = false;
+  evaluated_ = {};
   last_max_x_ = 0.0;
   for (int i = 0; i < n_; ++i) best_x_[i] -= before[i];
   return true;

@@ -173,7 +173,7 @@ class Monitor {
   Scales cache_scales_;
   std::vector<double> scratch_;
 
-  // Of the last evaluation.
+  // Of the last evaluation with a gradient.
   struct {
     const double* x = nullptr;
     const double* gradient = nullptr;
