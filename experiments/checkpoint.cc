@@ -47,8 +47,7 @@ class Writer {
   Json Take() { return std::move(json_); }
 
  private:
-  // Numbers as they lie in memory: a machine of the other byte order would
-  // read them as nonsense, and none of those is left that this runs on.
+  // Numbers as they lie in memory: for machines of one byte order.
   static Json Bytes(const void* data, std::size_t size) {
     const auto* first = static_cast<const std::uint8_t*>(data);
     return Json::binary(std::vector<std::uint8_t>(first, first + size));

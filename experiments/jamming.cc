@@ -441,9 +441,10 @@ int Main() {
   if (options.until_isostatic && o.rigid_contacts > o.isostatic_contacts) {
     std::printf(
         "  excess        stays down to %.0e: loops of equal grains may close "
-        "by themselves and keep\n                contacts that nothing opens; "
+        "by "
+        "themselves and keep\n                contacts that nothing opens; "
         "with radii that all differ (--polydispersity=1e-3)\n"
-        "                there is none\n",
+        "                none was left in some hundred packings\n",
         result.distance);
   }
   std::printf(

@@ -147,6 +147,9 @@ void ContactEnergy::SetReferencePairs() const {
   for (int k = 0; k < d; ++k) r0_[k].assign(m, 1.0);
   d0_.assign(m, 1.0);
   delta0_.assign(m, -1.0);
+  // A positive d0 keeps the kernel's quotients in range where centres coincide;
+  // so many powers of two below the radii it is not seen otherwise.
+  const double least_distance = std::ldexp(1.0, std::ilogb(min_radius_) - 300);
   std::vector<DoubleDouble> x(NumParameters());
   for (int i = 0; i < num_grains_; ++i) {
     for (int k = 0; k < d; ++k) {
@@ -167,9 +170,7 @@ void ContactEnergy::SetReferencePairs() const {
         square = square + r * r;
       }
       const DoubleDouble distance = Sqrt(square);
-      // A positive d0 keeps the kernel's quotient defined for coincident
-      // centres.
-      d0_[p] = std::max(distance.hi, std::numeric_limits<double>::min());
+      d0_[p] = std::max(distance.hi, least_distance);
       delta0_[p] =
           (TwoSum(packing_.radii[i], packing_.radii[j]) - distance).Value();
     }
@@ -181,7 +182,6 @@ PairView ContactEnergy::View() const {
   view.num_grains = num_grains_;
   view.num_pairs = list_.num_pairs();
   view.has_self_pairs = has_self_pairs_;
-  view.row_start = list_.row_start.data();
   view.i = pair_i_.data();
   view.j = pair_j_.data();
   for (int k = 0; k < dimension_; ++k) view.r0[k] = r0_[k].data();
@@ -256,7 +256,8 @@ bool ContactEnergy::EvaluateWithScales(const double* u,
 }
 
 bool ContactEnergy::Recenter(const double* u) {
-  // Of the last point that was evaluated, which is u or near it.
+  // A first look without a pass over u: how far the last point that was
+  // evaluated had moved, which is u or near it.
   const auto is_far = [this](double moved) {
     return last_overlap_ != 0.0 && moved > kRecenterOverlaps * last_overlap_;
   };

@@ -18,19 +18,21 @@ namespace granopt {
 
 // alpha = 2, Hooke's law.
 struct Harmonic {
-  static bool Handles(double alpha) { return alpha == 2.0; }
-  explicit Harmonic(double /*alpha*/) {}
+  [[gnu::always_inline]] static bool Handles(double alpha) {
+    return alpha == 2.0;
+  }
+  [[gnu::always_inline]] explicit Harmonic(double /*alpha*/) {}
 
   template <typename T>
-  T Energy(T delta) const {
+  [[gnu::always_inline]] T Energy(T delta) const {
     return delta * delta / 2;
   }
   template <typename T>
-  T Force(T delta) const {
+  [[gnu::always_inline]] T Force(T delta) const {
     return delta;
   }
   template <typename T>
-  T Stiffness(T /*delta*/) const {
+  [[gnu::always_inline]] T Stiffness(T /*delta*/) const {
     return T(1);
   }
 };
@@ -38,21 +40,23 @@ struct Harmonic {
 // alpha = 5/2, Hertz' law. Square roots only, so that lengths scaled by 4 give
 // bitwise the scaled result.
 struct Hertz {
-  static bool Handles(double alpha) { return alpha == 2.5; }
-  explicit Hertz(double /*alpha*/) {}
+  [[gnu::always_inline]] static bool Handles(double alpha) {
+    return alpha == 2.5;
+  }
+  [[gnu::always_inline]] explicit Hertz(double /*alpha*/) {}
 
   template <typename T>
-  T Energy(T delta) const {
+  [[gnu::always_inline]] T Energy(T delta) const {
     using std::sqrt;
     return delta * delta * sqrt(delta) * (T(2) / T(5));
   }
   template <typename T>
-  T Force(T delta) const {
+  [[gnu::always_inline]] T Force(T delta) const {
     using std::sqrt;
     return delta * sqrt(delta);
   }
   template <typename T>
-  T Stiffness(T delta) const {
+  [[gnu::always_inline]] T Stiffness(T delta) const {
     using std::sqrt;
     return sqrt(delta) * (T(3) / T(2));
   }
@@ -60,21 +64,23 @@ struct Hertz {
 
 // Any alpha >= 2.
 struct PowerLaw {
-  static bool Handles(double alpha) { return alpha >= 2.0; }
-  explicit PowerLaw(double exponent) : alpha(exponent) {}
+  [[gnu::always_inline]] static bool Handles(double alpha) {
+    return alpha >= 2.0;
+  }
+  [[gnu::always_inline]] explicit PowerLaw(double exponent) : alpha(exponent) {}
 
   template <typename T>
-  T Energy(T delta) const {
+  [[gnu::always_inline]] T Energy(T delta) const {
     using std::pow;
     return pow(delta, T(alpha)) / T(alpha);
   }
   template <typename T>
-  T Force(T delta) const {
+  [[gnu::always_inline]] T Force(T delta) const {
     using std::pow;
     return pow(delta, T(alpha) - 1);
   }
   template <typename T>
-  T Stiffness(T delta) const {
+  [[gnu::always_inline]] T Stiffness(T delta) const {
     using std::pow;
     return (T(alpha) - 1) * pow(delta, T(alpha) - 2);
   }

@@ -275,22 +275,24 @@ bool Build(const Box& given_box,
   list->row_start.assign(n + 1, 0);
   for (const Entry& e : entries) ++list->row_start[e.i + 1];
   for (int i = 0; i < n; ++i) list->row_start[i + 1] += list->row_start[i];
-  // Into rows, each in order: they are short.
+  // Into rows, each in order.
+  std::vector<Entry> sorted(entries.size());
+  std::vector<int> fill(list->row_start.begin(), list->row_start.end() - 1);
+  for (const Entry& e : entries) sorted[fill[e.i]++] = e;
+  for (int i = 0; i < n; ++i) {
+    std::sort(sorted.begin() + list->row_start[i],
+              sorted.begin() + list->row_start[i + 1],
+              [](const Entry& a, const Entry& b) {
+                return a.j != b.j ? a.j < b.j : a.image < b.image;
+              });
+  }
   list->i.resize(entries.size());
   list->j.resize(entries.size());
   list->image.resize(entries.size());
-  std::vector<int> fill(list->row_start.begin(), list->row_start.end() - 1);
-  for (const Entry& e : entries) {
-    int p = fill[e.i]++;
-    list->i[p] = e.i;
-    for (; p > list->row_start[e.i]; --p) {
-      const int j = list->j[p - 1];
-      if (j < e.j || (j == e.j && list->image[p - 1] < e.image)) break;
-      list->j[p] = j;
-      list->image[p] = list->image[p - 1];
-    }
-    list->j[p] = e.j;
-    list->image[p] = e.image;
+  for (std::size_t p = 0; p < sorted.size(); ++p) {
+    list->i[p] = sorted[p].i;
+    list->j[p] = sorted[p].j;
+    list->image[p] = sorted[p].image;
   }
   return true;
 }

@@ -12,7 +12,7 @@ namespace granopt {
 // worked on at a time: grains 0 and 0 with r0 = d0 = 1 and delta0 = -1.
 constexpr int kPairPadding = 8;
 
-// Pairs compressed by their first grain, at the reference configuration:
+// Pairs in increasing order of (i, j), at the reference configuration:
 // separation r0 = x_i - x_j + H image, its length d0 > 0 and the overlap
 // delta0 = r_i + r_j - d0, each rounded once from double-double. `stiffness`
 // may be null (all 1).
@@ -20,7 +20,6 @@ struct PairView {
   int num_grains = 0;
   int num_pairs = 0;
   bool has_self_pairs = false;  // is there a pair with i = j?
-  const int* row_start = nullptr;
   const int* i = nullptr;
   const int* j = nullptr;
   const double* r0[3] = {};

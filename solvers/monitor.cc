@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "Eigen/Core"
+#include "glog/logging.h"
 #include "solvers/format.h"
 #include "solvers/vector_blocks.h"
 
@@ -183,10 +184,9 @@ bool Monitor::Evaluate(const double* x,
                        value,
                        static_cast<long long>(counters_.evaluations)));
   };
-  evaluated_.x = gradient != nullptr ? x : nullptr;
-  evaluated_.max_x = MaxNorm(x, n_);
-  evaluated_.gradient = nullptr;
-  if (!std::isfinite(evaluated_.max_x)) {
+  evaluated_ = {};
+  const double max_x = MaxNorm(x, n_);
+  if (!std::isfinite(max_x)) {
     const int bad = FirstNotFinite(x, n_);
     return named(Format("x[%d]", bad).c_str(), x[bad]);
   }
@@ -205,12 +205,12 @@ bool Monitor::Evaluate(const double* x,
   }
   if (!std::isfinite(*cost)) return named("cost", *cost);
   if (gradient != nullptr) {
-    evaluated_.gradient = gradient;
-    evaluated_.max_gradient = MaxNorm(gradient, n_);
-    if (!std::isfinite(evaluated_.max_gradient)) {
+    const double max_gradient = MaxNorm(gradient, n_);
+    if (!std::isfinite(max_gradient)) {
       const int bad = FirstNotFinite(gradient, n_);
       return named(Format("gradient[%d]", bad).c_str(), gradient[bad]);
     }
+    evaluated_ = {x, gradient, max_x, max_gradient};
   }
   not_finite_.clear();
   if (gradient == nullptr || cache_ == Cache::NONE) return true;
@@ -231,6 +231,7 @@ bool Monitor::EvaluateCached(const double* x,
                              double* cost,
                              const double** gradient,
                              Scales* scales) {
+  CHECK(cache_ != Cache::NONE) << solver_name_ << " keeps no evaluation";
   if (!IsCached(x)) {
     scratch_.resize(n_);
     if (!Evaluate(x, cost, scratch_.data(), scales)) return false;

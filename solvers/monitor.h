@@ -58,18 +58,17 @@ class Monitor {
   // evaluated with a gradient.
   bool IsCached(const double* x) const;
 
-  // With Cache::LAST_EVALUATION: cost, gradient and scales at x from the cache
-  // if x was the last point
-  // evaluated, else by a counted evaluation.
+  // With Cache::LAST_EVALUATION: cost, gradient and scales at x, from the cache
+  // if x was the last point evaluated, else by a counted evaluation.
   bool EvaluateCached(const double* x,
                       double* cost,
                       const double** gradient,
                       Scales* scales);
 
-  // Tells the monitor of an accepted iterate; where x or gradient is the memory
-  // of the last Evaluate(), it must be as that left it (the first call is the
-  // start, every further one counts an iteration). Returns true if the run must
-  // stop; the reason is then set. A run without a better point for 200
+  // Tells the monitor of an accepted iterate: the first call is the start,
+  // every further one counts an iteration. Where x or gradient is the memory of
+  // the last Evaluate(), it must be as that left it. Returns true if the run
+  // must stop; the reason is then set. A run without a better point for 200
   // iterations while max|g| is within Roundoff(), or for 10000 iterations
   // whatever it is, makes no progress.
   bool Accept(const double* x,

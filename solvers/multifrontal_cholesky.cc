@@ -11,8 +11,8 @@
 namespace granopt {
 namespace {
 
-// The kernels work on four columns at a time and may overwrite as many beyond
-// the last one.
+// The kernels work on four columns at a time and may overwrite up to three
+// beyond the last one.
 constexpr int kSpareColumns = 3;
 
 int Even(int rows) { return rows + (rows & 1); }

@@ -279,7 +279,8 @@ namespace {
 
 // Above this many multiplications the large fronts decide, for which the
 // library's BLAS has kernels that ours are no match for: with 3e9 of them
-// (8000 spheres) ours takes 0.4 of the time, with 5e10 (20000) 1.4 times.
+// (8000 spheres) ours takes 0.4 of the time with that ordering, with 5e10
+// (20000) 1.4 times.
 constexpr double kMostFlops = 1e10;
 
 }  // namespace

@@ -124,6 +124,8 @@ class LbfgsRule : public DirectionRule {
     pair.yw = preconditioned_ ? yw : yy;
     if (!(pair.sy > 0.0 && pair.yw > 0.0) ||
         !(pair.sy / ss * (pair.sy / yy) > kLeastCurvature * kLeastCurvature)) {
+      // It has been written over the oldest one.
+      if (count_ == memory_) --count_;
       return;
     }
     next_ = (next_ + 1) % memory_;

@@ -37,7 +37,7 @@ std::vector<NamedLoops> Runnable(int dimension, double alpha) {
 // The arrays behind a PairView, in plain doubles.
 struct Pairs {
   PairView view;
-  std::vector<int> row_start, i, j;
+  std::vector<int> i, j;
   std::vector<double> r0[3], d0, delta0, stiffness;
 };
 
@@ -54,7 +54,6 @@ void MakePairs(const Packing& packing, double skin, bool stiff, Pairs* pairs) {
       << error;
   const int d = packing.dimension();
   const int m = list.num_pairs();
-  pairs->row_start = list.row_start;
   pairs->i = list.i;
   pairs->j = list.j;
   pairs->i.resize(m + kPairPadding, 0);
@@ -78,7 +77,6 @@ void MakePairs(const Packing& packing, double skin, bool stiff, Pairs* pairs) {
   }
   pairs->view.num_grains = packing.size();
   pairs->view.num_pairs = m;
-  pairs->view.row_start = pairs->row_start.data();
   pairs->view.i = pairs->i.data();
   pairs->view.j = pairs->j.data();
   for (int c = 0; c < d; ++c) pairs->view.r0[c] = pairs->r0[c].data();
@@ -198,6 +196,70 @@ TEST(PairLoops, EveryInstructionSetHasTheSameBitsAndTheDefinition) {
             // Open gaps do not count.
             ExpectSameBits(first, Evaluate(set.loops, wide, d, alpha, w));
           }
+        }
+      }
+    }
+  }
+}
+
+// delta, distance, normals, force and stiffness one after the other.
+std::vector<double> States(const PairLoops& loops,
+                           const Pairs& pairs,
+                           int d,
+                           double alpha,
+                           const std::vector<double>& w) {
+  const std::size_t m = pairs.view.num_pairs + kPairPadding;
+  std::vector<std::vector<double>> arrays(4 + d,
+                                          std::vector<double>(m, std::nan("")));
+  PairStates states;
+  states.delta = arrays[0].data();
+  states.distance = arrays[1].data();
+  states.force = arrays[2].data();
+  states.stiffness = arrays[3].data();
+  for (int c = 0; c < d; ++c) states.normal[c] = arrays[4 + c].data();
+  loops.states(pairs.view, alpha, w.data(), states);
+  std::vector<double> all;
+  for (const std::vector<double>& array : arrays) {
+    all.insert(all.end(), array.begin(), array.end() - kPairPadding);
+  }
+  return all;
+}
+
+TEST(PairLoops, StatesAndLawsHaveTheSameBitsAndMakeUpTheSums) {
+  for (const int d : {2, 3}) {
+    const Packing packing = RandomPacking(d, 61, 0.95, 5);
+    const std::vector<double> w(d * 61, 0.0);
+    for (const double alpha : {2.0, 2.5, 3.3}) {
+      for (const bool stiff : {false, true}) {
+        Pairs pairs;
+        MakePairs(packing, 0.6, stiff, &pairs);
+        const auto all = Runnable(d, alpha);
+        const std::vector<double> first =
+            States(all[0].loops, pairs, d, alpha, w);
+        const std::size_t m = pairs.view.num_pairs;
+        double force = 0.0, overlap = 0.0;
+        for (std::size_t p = 0; p < m; ++p) {
+          overlap += std::max(0.0, first[p]);
+          force += first[2 * m + p];
+          double norm2 = 0.0;
+          for (int c = 0; c < d; ++c) {
+            norm2 += first[(4 + c) * m + p] * first[(4 + c) * m + p];
+          }
+          EXPECT_NEAR(norm2, 1.0, 1e-14);
+        }
+        const Values sums = Evaluate(all[0].loops, pairs, d, alpha, w);
+        EXPECT_NEAR(force, sums.sums.force, 1e-13 * force);
+        EXPECT_NEAR(overlap, sums.sums.overlap, 1e-13 * overlap);
+        const std::vector<double> delta = {0.0, 0.01, 0.3};
+        std::vector<double> f(3), k(3), f_first(3), k_first(3);
+        all[0].loops.law(
+            alpha, 3, delta.data(), f_first.data(), k_first.data());
+        for (const NamedLoops& set : all) {
+          SCOPED_TRACE(set.name);
+          EXPECT_EQ(States(set.loops, pairs, d, alpha, w), first);
+          set.loops.law(alpha, 3, delta.data(), f.data(), k.data());
+          EXPECT_EQ(f, f_first);
+          EXPECT_EQ(k, k_first);
         }
       }
     }

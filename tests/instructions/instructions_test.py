@@ -1,6 +1,6 @@
 """Instructions per grain of each kernel against those on record.
 
-    instructions_test.py RUN_KERNEL PACKING RECORD [--update]
+    instructions_test.py RUN_KERNEL PACKING RECORD COMPILER [--update]
 
 Counts under valgrind do not depend on what else the machine does. They do on
 compiler and instruction set, so a record of others is not compared (exit 77,
@@ -34,34 +34,36 @@ def Count(program, packing, kernel, times):
 
 
 def main():
-  program, packing, record = sys.argv[1:4]
+  program, packing, record, compiler = sys.argv[1:5]
   if shutil.which("valgrind") is None:
     print("no valgrind (apt install valgrind)")
     return 77
   with open(packing) as file:
     grains = int(file.readline())
-  compiler = subprocess.run(["c++", "-dumpfullversion"], text=True,
-                            stdout=subprocess.PIPE).stdout.strip()
-  now = {}
   none, machine = Count(program, packing, "energy", 0)
+  setup = f"{compiler}, {machine}"
+  update = "--update" in sys.argv
+  if not update:
+    with open(record) as file:
+      on_record = json.load(file)
+    if on_record["setup"] != setup:
+      print(f"on record: {on_record['setup']}; here: {setup}: not compared")
+      return 77
+    before = on_record["instructions_per_grain"]
+    assert before.keys() == KERNELS.keys(), "--update: other kernels"
+  now = {}
   for kernel, times in KERNELS.items():
     some, _ = Count(program, packing, kernel, times)
     now[kernel] = round((some - none) / times / grains, 1)
-  setup = f"g++ {compiler}, {machine}"
-  if "--update" in sys.argv:
+  if update:
     with open(record, "w") as file:
       json.dump({"setup": setup, "instructions_per_grain": now}, file, indent=2)
       file.write("\n")
     return 0
-  with open(record) as file:
-    before = json.load(file)
-  if before["setup"] != setup:
-    print(f"on record: {before['setup']}; here: {setup}: not compared")
-    return 77
   status = 0
   print("kernel     on record       now   change")
   for kernel, count in now.items():
-    old = before["instructions_per_grain"][kernel]
+    old = before[kernel]
     change = count / old - 1
     verdict = ""
     if abs(change) > TOLERANCE:
