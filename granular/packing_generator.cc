@@ -3,31 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <utility>
 
 #include "granular/random.h"
+#include "granular/spatial_order.h"
 
 namespace granopt {
-namespace {
-
-// Position along a Morton (Z) curve of 2^20 cells a side.
-std::uint64_t MortonCode(const double* x, int dimension) {
-  std::uint64_t code = 0;
-  std::uint64_t cell[3];
-  for (int k = 0; k < dimension; ++k) {
-    cell[k] = static_cast<std::uint64_t>(x[k] * (1 << 20));
-  }
-  for (int bit = 19; bit >= 0; --bit) {
-    for (int k = 0; k < dimension; ++k) {
-      code = (code << 1) | ((cell[k] >> bit) & 1);
-    }
-  }
-  return code;
-}
-
-}  // namespace
-
 bool GeneratePacking(const GeneratorOptions& options,
                      Packing* packing,
                      std::string* error) {
@@ -65,17 +46,14 @@ bool GeneratePacking(const GeneratorOptions& options,
   if (!(fractions > 0.0)) return fail("no species given");
 
   UniformRandom random(options.seed);
+  *packing = Packing();
+  packing->box = Box::Cube(d, 1.0);
   Eigen::MatrixXd x(d, n);
   for (int i = 0; i < n; ++i) {
     for (int k = 0; k < d; ++k) x(k, i) = random();
   }
-  std::vector<int> order(n);
-  std::iota(order.begin(), order.end(), 0);
-  std::vector<std::uint64_t> code(n);
-  for (int i = 0; i < n; ++i) code[i] = MortonCode(x.col(i).data(), d);
-  std::sort(order.begin(), order.end(), [&](int a, int b) {
-    return code[a] != code[b] ? code[a] < code[b] : a < b;
-  });
+  packing->positions = x;
+  const std::vector<int> order = SpatialOrder(*packing);
 
   // Exact numbers of each species, in random order (Fisher-Yates).
   std::vector<int> kind(n);
@@ -93,9 +71,6 @@ bool GeneratePacking(const GeneratorOptions& options,
     std::swap(kind[i], kind[static_cast<int>(random() * (i + 1))]);
   }
 
-  *packing = Packing();
-  packing->box = Box::Cube(d, 1.0);
-  packing->positions.resize(d, n);
   packing->radii.resize(n);
   packing->species.resize(n);
   for (int i = 0; i < n; ++i) {

@@ -2,6 +2,9 @@
 
 #include <memory>
 #include <utility>
+#include <vector>
+
+#include "granular/spatial_order.h"
 
 namespace granopt {
 
@@ -11,12 +14,23 @@ bool Relax(const Packing& start,
            const SolveOptions& solve_options,
            Relaxation* result,
            std::string* error) {
-  const std::unique_ptr<ContactEnergy> energy =
-      ContactEnergy::Create(start, energy_options, error);
+  std::vector<int> order;
+  Packing reordered;
+  if (start.IsValid(error) && IsScattered(start)) {
+    order = SpatialOrder(start);
+    reordered = Reordered(start, order);
+  }
+  const std::unique_ptr<ContactEnergy> energy = ContactEnergy::Create(
+      order.empty() ? start : reordered, energy_options, error);
   if (energy == nullptr) return false;
+  reordered = Packing();
   std::vector<double> u(energy->NumParameters(), 0.0);
   Summary summary = solver.Minimize(energy.get(), solve_options, u.data());
   *result = Conclude(std::move(summary), u.data(), energy.get());
+  if (!order.empty()) {
+    result->packing = Restored(result->packing, order);
+    result->contacts = Restored(std::move(result->contacts), order);
+  }
   return true;
 }
 

@@ -21,9 +21,11 @@ struct Relaxation {
   std::int64_t list_builds = 0;
 };
 
-// Minimizes the energy of `start` with `solver`. Returns false with one line in
-// `error` if the packing cannot be simulated; a method that fails is no error
-// but Relaxation::summary.
+// Minimizes the energy of `start` with `solver`, in the memory order of
+// spatial_order.h where that is faster: the result has the order of `start`, a
+// callback sees the other one. Returns false with one line in `error` if the
+// packing cannot be simulated; a method that fails is no error but
+// Relaxation::summary.
 bool Relax(const Packing& start,
            const ContactEnergyOptions& energy_options,
            const Solver& solver,

@@ -3,10 +3,13 @@
 #include <cmath>
 #include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "granular/packing_generator.h"
 #include "granular/packing_io.h"
 #include "granular/quad_residual.h"
+#include "granular/spatial_order.h"
 #include "gtest/gtest.h"
 #include "solvers/registry.h"
 
@@ -152,6 +155,68 @@ TEST(Relaxation, AStepOfOnePeriodIsNoDecrease) {
 
 // Energies times 2^a and lengths times 2^b: the whole run, not just an
 // evaluation, finds the scaled packing to the accuracy asked for.
+// Grains whose neighbours are anywhere in memory are put in order for the run:
+// the run of a generated packing, which is in order, bit by bit, and each grain
+// keeps its name.
+TEST(Relaxation, ScatteredGrainsTakeTheRunOfThoseInOrderAndKeepTheirNames) {
+  for (const int d : {2, 3}) {
+    GeneratorOptions generate;
+    generate.dimension = d;
+    generate.particles = 17000;
+    generate.packing_fraction = d == 2 ? 0.86 : 0.66;
+    generate.polydispersity = 0.1;
+    Packing start;
+    std::string error;
+    ASSERT_TRUE(GeneratePacking(generate, &start, &error)) << error;
+    start.stiffness = Eigen::VectorXd::LinSpaced(start.size(), 1.0, 2.0);
+    for (int i = 0; i < start.size(); ++i) {
+      for (int k = 0; k < d; ++k) {
+        start.SetPosition(i, k, start.Position(i, k) + 1e-20 * (i % 7));
+      }
+    }
+    // name[k] is what grain k is called in the other file.
+    std::vector<int> name(start.size());
+    for (int k = 0; k < start.size(); ++k) {
+      name[k] = static_cast<int>(7919LL * k % start.size());
+    }
+    const Packing scattered = Restored(start, name);
+    ASSERT_FALSE(IsScattered(start));
+    ASSERT_TRUE(IsScattered(scattered));
+    EXPECT_EQ(Reordered(scattered, name).positions, start.positions);
+    EXPECT_EQ(SpatialOrder(scattered), name);
+
+    ContactEnergyOptions options;
+    SolveOptions solve;
+    solve.max_evaluations = 40;
+    const std::unique_ptr<Solver> solver = CreateSolver("fire", &error);
+    Relaxation expected, result;
+    ASSERT_TRUE(Relax(start, options, *solver, solve, &expected, &error));
+    ASSERT_TRUE(Relax(scattered, options, *solver, solve, &result, &error));
+    EXPECT_EQ(result.summary.cost, expected.summary.cost);
+    for (int k = 0; k < start.size(); ++k) {
+      for (int c = 0; c < d; ++c) {
+        const DoubleDouble a = result.packing.Position(name[k], c);
+        const DoubleDouble b = expected.packing.Position(k, c);
+        ASSERT_TRUE(a.hi == b.hi && a.lo == b.lo) << k;
+      }
+      ASSERT_EQ(result.packing.radii[name[k]], start.radii[k]);
+      ASSERT_EQ(result.packing.stiffness[name[k]], start.stiffness[k]);
+      ASSERT_EQ(result.packing.species[name[k]], start.species[k]);
+    }
+    // The contacts are those of the packing returned, names, images and all.
+    const auto energy = ContactEnergy::Create(result.packing, options, &error);
+    ASSERT_NE(energy, nullptr) << error;
+    const std::vector<double> zero(energy->NumParameters(), 0.0);
+    const std::vector<Contact> contacts = energy->Contacts(zero.data());
+    ASSERT_EQ(contacts.size(), result.contacts.size());
+    for (std::size_t c = 0; c < contacts.size(); ++c) {
+      ASSERT_TRUE(contacts[c].id == result.contacts[c].id) << c;
+      EXPECT_NEAR(
+          (contacts[c].normal - result.contacts[c].normal).norm(), 0.0, 1e-12);
+    }
+  }
+}
+
 TEST(Relaxation, ResultDoesNotDependOnUnits) {
   const Packing packing = Read("n256_phi0.8438_a2_relaxed.xyz");
   Packing start = packing;
