@@ -12,11 +12,14 @@
 #include <utility>
 
 #include "boost/crc.hpp"
+#include "experiments/run.h"
 #include "granular/atomic_file.h"
 #include "solvers/format.h"
 
 namespace granopt {
 namespace {
+
+constexpr char kCheckpoint[] = "checkpoint.cbor";
 
 volatile std::sig_atomic_t stop_requested = 0;
 
@@ -38,6 +41,12 @@ std::string Header(const std::string& body) {
 template <typename T>
 constexpr bool kIsMatrix = std::is_base_of_v<Eigen::MatrixBase<T>, T>;
 
+// A vector whose elements can be copied byte by byte.
+template <typename T>
+constexpr bool kIsPlainArray = false;
+template <typename T>
+constexpr bool kIsPlainArray<std::vector<T>> = std::is_trivially_copyable_v<T>;
+
 class Writer {
  public:
   template <typename T>
@@ -52,15 +61,14 @@ class Writer {
     const auto* first = static_cast<const std::uint8_t*>(data);
     return Json::binary(std::vector<std::uint8_t>(first, first + size));
   }
-  static Json Convert(const std::vector<std::array<int, 2>>& pairs) {
-    return Bytes(pairs.data(), sizeof(pairs[0]) * pairs.size());
-  }
   template <typename T>
   static Json Convert(const T& value) {
     if constexpr (kIsMatrix<T>) {
       return {value.rows(),
               value.cols(),
               Bytes(value.data(), sizeof(double) * value.size())};
+    } else if constexpr (kIsPlainArray<T>) {
+      return Bytes(value.data(), sizeof(value[0]) * value.size());
     } else if constexpr (std::is_enum_v<T>) {
       return static_cast<int>(value);
     } else if constexpr (std::is_constructible_v<Json, T>) {
@@ -91,17 +99,16 @@ class Reader {
     }
     if (size > 0) std::memcpy(data, bytes.data(), size);
   }
-  static void Convert(const Json& json,
-                      std::vector<std::array<int, 2>>* pairs) {
-    pairs->resize(json.get_binary().size() / sizeof((*pairs)[0]));
-    Copy(json, pairs->data(), sizeof((*pairs)[0]) * pairs->size());
-  }
   template <typename T>
   static void Convert(const Json& json, T* value) {
     if constexpr (kIsMatrix<T>) {
       value->resize(json.at(0).get<Eigen::Index>(),
                     json.at(1).get<Eigen::Index>());
       Copy(json.at(2), value->data(), sizeof(double) * value->size());
+    } else if constexpr (kIsPlainArray<T>) {
+      constexpr std::size_t kSize = sizeof((*value)[0]);
+      value->resize(json.get_binary().size() / kSize);
+      Copy(json, value->data(), kSize * value->size());
     } else if constexpr (std::is_enum_v<T>) {
       *value = static_cast<T>(json.get<int>());
     } else if constexpr (std::is_constructible_v<Json, T>) {
@@ -206,6 +213,15 @@ void Fields(A& a, T& s) {
   a("seconds", s.seconds);
 }
 
+template <typename A, typename T, IfSame<T, RelaxationState> = true>
+void Fields(A& a, T& s) {
+  a("packing", s.packing);
+  a("summary", s.summary);
+  a("trace", s.summary.trace);
+  a("list_builds", s.list_builds);
+  a("legs", s.legs);
+}
+
 // The object of a file, or false with what is wrong with it in `fault`.
 bool ReadOne(const std::string& path, Json* content, std::string* fault) {
   std::string text;
@@ -293,17 +309,72 @@ Checkpoint::Found Checkpoint::Read(Json* state,
   return Found::NONE;
 }
 
-Json ToJson(const JammingState& state) {
+std::string CheckpointPath() {
+  std::string folder = FLAGS_out;
+  while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
+  return folder + "/" + kCheckpoint;
+}
+
+std::vector<std::string> CheckpointFiles() {
+  return {kCheckpoint, std::string(kCheckpoint) + ".previous"};
+}
+
+bool Resume(const Checkpoint& checkpoint, Json* state) {
+  std::vector<std::string> faults;
+  std::string error;
+  const Checkpoint::Found found = checkpoint.Read(state, &faults, &error);
+  if (found == Checkpoint::Found::OTHER_SETUP) {
+    BadInput("--resume: " + error + "; give the same flags, or another --out");
+  }
+  if (found == Checkpoint::Found::NONE) {
+    if (!faults.empty()) {
+      std::string all;
+      for (const std::string& fault : faults) all += fault + "; ";
+      BadInput("--resume: " + all + "nothing to go on from");
+    }
+    std::printf("          no checkpoint in %s yet: from the beginning\n",
+                FLAGS_out.c_str());
+    return false;
+  }
+  for (const std::string& fault : faults) {
+    std::printf("          %s: the one before is used\n", fault.c_str());
+  }
+  return true;
+}
+
+void RefuseState(const Checkpoint& checkpoint,
+                 const Json::exception& exception) {
+  BadInput("--resume: " + checkpoint.path() +
+           ": not a checkpoint of this version: " + exception.what());
+}
+
+namespace {
+
+template <typename T>
+Json Written(const T& state) {
   Writer writer;
   Fields(writer, state);
   return writer.Take();
 }
 
-JammingState JammingStateOf(const Json& json) {
-  JammingState state;
+template <typename T>
+T ReadFrom(const Json& json) {
+  T state;
   Reader reader(json);
   Fields(reader, state);
   return state;
+}
+
+}  // namespace
+
+Json ToJson(const JammingState& state) { return Written(state); }
+JammingState JammingStateOf(const Json& json) {
+  return ReadFrom<JammingState>(json);
+}
+
+Json ToJson(const RelaxationState& state) { return Written(state); }
+RelaxationState RelaxationStateOf(const Json& json) {
+  return ReadFrom<RelaxationState>(json);
 }
 
 void CatchStopSignals() {

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "granular/jamming.h"
+#include "granular/relaxation.h"
 #include "nlohmann/json.hpp"
 
 namespace granopt {
@@ -46,6 +47,18 @@ class Checkpoint {
   const Json setup_;
 };
 
+// The checkpoint in --out, and the names that its files have there.
+std::string CheckpointPath();
+std::vector<std::string> CheckpointFiles();
+
+// For --resume: the state to go on from, with a line on the terminal for what
+// was found; false if nothing was written yet. BadInput for files that cannot
+// be gone on from.
+bool Resume(const Checkpoint& checkpoint, Json* state);
+// BadInput for a checkpoint whose state is not of the form that is read here.
+[[noreturn]] void RefuseState(const Checkpoint& checkpoint,
+                              const Json::exception& exception);
+
 // CRC-32 (ISO-HDLC, as in zip files) of the bytes.
 std::uint32_t Crc32(const std::string& bytes);
 
@@ -53,6 +66,10 @@ std::uint32_t Crc32(const std::string& bytes);
 Json ToJson(const JammingState& state);
 // Throws Json::exception if `json` is not of that form.
 JammingState JammingStateOf(const Json& json);
+
+// A relaxation between two legs, exactly; the same.
+Json ToJson(const RelaxationState& state);
+RelaxationState RelaxationStateOf(const Json& json);
 
 // From now on SIGINT and SIGTERM are noticed instead of ending the process;
 // the second one ends it.

@@ -57,8 +57,6 @@ DEFINE_bool(resume,
 namespace granopt {
 namespace {
 
-constexpr char kCheckpoint[] = "checkpoint.cbor";
-
 // Checks the flags; the packing is not read yet.
 void CheckFlags() {
   if (!IsGiven("tolerance")) FLAGS_tolerance = 1e-8;
@@ -133,31 +131,12 @@ void ReadCheckpoint(const Checkpoint& checkpoint,
                     JammingState* state,
                     std::string* path_csv) {
   Json json;
-  std::vector<std::string> faults;
-  std::string error;
-  const Checkpoint::Found found = checkpoint.Read(&json, &faults, &error);
-  if (found == Checkpoint::Found::OTHER_SETUP) {
-    BadInput("--resume: " + error + "; give the same flags, or another --out");
-  }
-  if (found == Checkpoint::Found::NONE) {
-    if (!faults.empty()) {
-      std::string all;
-      for (const std::string& fault : faults) all += fault + "; ";
-      BadInput("--resume: " + all + "nothing to go on from");
-    }
-    std::printf("          no checkpoint in %s yet: from the beginning\n",
-                FLAGS_out.c_str());
-    return;
-  }
-  for (const std::string& fault : faults) {
-    std::printf("          %s: the one before is used\n", fault.c_str());
-  }
+  if (!Resume(checkpoint, &json)) return;
   try {
     *state = JammingStateOf(json.at("search"));
     json.at("path").get_to(*path_csv);
   } catch (const Json::exception& exception) {
-    BadInput("--resume: " + checkpoint.path() +
-             ": not a checkpoint of this version: " + exception.what());
+    RefuseState(checkpoint, exception);
   }
   std::printf("          resumed after relaxation %d\n", state->relaxations);
 }
@@ -237,14 +216,10 @@ int Main() {
   JammingState state;
   std::string error;
   if (!BeginJamming(scene.packing, options, &state, &error)) BadInput(error);
-  std::string folder = FLAGS_out;
-  while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
-  const Checkpoint checkpoint(folder + "/" + kCheckpoint,
-                              Setup(scene, options));
+  const Checkpoint checkpoint(CheckpointPath(), Setup(scene, options));
   if (FLAGS_resume) ReadCheckpoint(checkpoint, &state, &csv);
   std::fflush(stdout);
-  std::vector<std::string> kept = {kCheckpoint,
-                                   std::string(kCheckpoint) + ".previous"};
+  const std::vector<std::string> kept = CheckpointFiles();
   if (!FLAGS_resume) names.insert(names.end(), kept.begin(), kept.end());
   output.Create(FLAGS_out, names, kept);
   CatchStopSignals();

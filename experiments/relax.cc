@@ -9,16 +9,22 @@
 // two figures; with --modes=K also modes.csv, modes.xyz and mode.svg, see
 // certificate.h. Scripts may rely on flags, files and exit status.
 
+#include <sys/resource.h>
+
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "experiments/certificate.h"
+#include "experiments/checkpoint.h"
 #include "experiments/run.h"
 #include "experiments/scene.h"
+#include "granular/packing_io.h"
 #include "granular/quad_residual.h"
 #include "granular/relaxation.h"
 
@@ -40,9 +46,43 @@ DEFINE_double(max_seconds, 0.0, "give up after this time (0: never)");
 DEFINE_int64(max_evaluations,
              0,
              "give up after this many evaluations (0: never)");
+DEFINE_int64(leg,
+             0,
+             "start the method afresh, and write a checkpoint, after this many "
+             "evaluations (0: so many that it takes minutes)");
+DEFINE_bool(resume,
+            false,
+            "go on with an interrupted run in --out from its last checkpoint; "
+            "ends in the same bits as a run that was never interrupted");
 
 namespace granopt {
 namespace {
+
+// From here on a run is told how much memory it will take.
+constexpr int kManyGrains = 100000;
+
+// What must be the same for a run to go on from a checkpoint.
+Json Setup(const Scene& scene, const SolveOptions& options, std::int64_t leg) {
+  return {{"packing", Crc32(FormatPacking(scene.packing))},
+          {"alpha", scene.energy.alpha},
+          {"solver", scene.solver->name()},
+          {"tolerance", options.relative_tolerance},
+          {"absolute_tolerance", options.absolute_tolerance},
+          {"zero_pressure", options.vanishing_tolerance},
+          {"leg", leg}};
+}
+
+// Measured with `lbfgs` at random starts, the largest of what the library
+// keeps.
+double EstimatedBytes(const Packing& packing) {
+  return (packing.dimension() == 2 ? 1000.0 : 1850.0) * packing.size();
+}
+
+// Of this process, so far.
+double PeakBytes() {
+  rusage usage;
+  return getrusage(RUSAGE_SELF, &usage) == 0 ? 1024.0 * usage.ru_maxrss : 0.0;
+}
 
 int Main() {
   if (!FLAGS_input.empty() && IsGiven("phi")) {
@@ -57,6 +97,7 @@ int Main() {
   CheckCertificateFlags();
   CheckRange("max_seconds", FLAGS_max_seconds, 0.0, 1e300);
   CheckRange("max_evaluations", FLAGS_max_evaluations, 0.0, 9e18);
+  CheckRange("leg", FLAGS_leg, 0.0, 9e18);
   if (FLAGS_smoke && !IsGiven("particles") && FLAGS_input.empty()) {
     FLAGS_particles = 64;
   }
@@ -84,15 +125,6 @@ int Main() {
 
   CheckScene(scene);
   Output output;
-  output.Create(FLAGS_out,
-                WithCertificateFiles({"summary.json",
-                                      "packing.xyz",
-                                      "contacts.csv",
-                                      "trace.csv",
-                                      "packing.svg",
-                                      "packing.png",
-                                      "trace.svg",
-                                      "trace.png"}));
   std::printf(
       "relax     %s (%s)\n", Describe(packing).c_str(), scene.origin.c_str());
   std::printf("          phi = %.6f, contact energy k delta^%g / %g, k = %g\n",
@@ -101,7 +133,40 @@ int Main() {
               scene.energy.alpha,
               scene.energy.stiffness);
   std::printf("          method %s\n", scene.solver->name().c_str());
+  if (packing.size() >= kManyGrains) {
+    std::printf("          about %.1f GB of memory, and what factors take\n",
+                1e-9 * EstimatedBytes(packing));
+  }
+
+  const std::int64_t leg = FLAGS_leg > 0 ? FLAGS_leg : LegEvaluations(packing);
+  const Checkpoint checkpoint(CheckpointPath(), Setup(scene, options, leg));
+  RelaxationState state;
+  Json written;
+  if (FLAGS_resume && Resume(checkpoint, &written)) {
+    try {
+      state = RelaxationStateOf(written);
+    } catch (const Json::exception& exception) {
+      RefuseState(checkpoint, exception);
+    }
+    written = Json();
+    std::printf("          resumed after evaluation %lld\n",
+                static_cast<long long>(state.summary.counters.evaluations));
+  } else {
+    state.packing = std::move(packing);
+  }
   std::fflush(stdout);
+  std::vector<std::string> names = {"summary.json",
+                                    "packing.xyz",
+                                    "contacts.csv",
+                                    "trace.csv",
+                                    "packing.svg",
+                                    "packing.png",
+                                    "trace.svg",
+                                    "trace.png"};
+  const std::vector<std::string> kept = CheckpointFiles();
+  if (!FLAGS_resume) names.insert(names.end(), kept.begin(), kept.end());
+  output.Create(FLAGS_out, WithCertificateFiles(names), kept);
+  CatchStopSignals();
 
   Relaxation result;
   std::string error;
@@ -121,13 +186,24 @@ int Main() {
                        ? options.absolute_tolerance / scale
                        : options.relative_tolerance));
       }
-      return true;
+      return !StopRequested();
     };
-    if (!Relax(
-            packing, scene.energy, *scene.solver, options, &result, &error)) {
+    const auto observer = [&](const RelaxationState& state) {
+      std::string fault;
+      if (!checkpoint.Write(ToJson(state), &fault)) BadInput(fault);
+    };
+    if (!RelaxInLegs(scene.energy,
+                     *scene.solver,
+                     options,
+                     leg,
+                     observer,
+                     &state,
+                     &result,
+                     &error)) {
       BadInput(scene.origin + ": " + error);
     }
   }
+  const double peak_bytes = PeakBytes();
   QuadResidual judge;
   if (!EvaluateQuad(result.packing, scene.energy, nullptr, &judge, &error)) {
     BadInput(error);
@@ -158,8 +234,9 @@ int Main() {
   json["alpha"] = scene.energy.alpha;
   json["k"] = scene.energy.stiffness;
   json["dimension"] = d;
-  json["particles"] = packing.size();
+  json["particles"] = result.packing.size();
   json["schema"] = "granopt/relax/1";
+  json["peak_bytes"] = peak_bytes;
   output.WritePacking("packing.xyz", Annotated(result, scene.energy));
   output.Write("contacts.csv", ContactsCsv(result));
   const std::string certificate = PublishCertificate(
@@ -195,7 +272,7 @@ int Main() {
   std::printf("  rattlers      %d of %d\n", o.rattlers, o.grains);
   std::printf("  mean force    %.4e   mean overlap / mean radius %.2e\n",
               o.mean_force,
-              o.mean_overlap / packing.MeanRadius());
+              o.mean_overlap / result.packing.MeanRadius());
   std::printf(
       "  residual      %.1e mean forces, judged in quadruple precision "
       "(forces agree to %.0e)\n",
@@ -209,7 +286,20 @@ int Main() {
       static_cast<long long>(s.counters.evaluations),
       s.seconds,
       s.seconds > 0 ? 100.0 * s.function_seconds / s.seconds : 0.0);
+  if (o.grains >= kManyGrains) {
+    std::printf("  memory        %.2f GB at most, %.0f bytes a grain\n",
+                1e-9 * peak_bytes,
+                peak_bytes / o.grains);
+  }
   output.PrintFiles();
+  if (StopRequested() && !s.Succeeded()) {
+    std::printf("stopped as asked: --input=%s goes on from here%s\n",
+                output.Path("packing.xyz").c_str(),
+                state.legs > 0
+                    ? ", the same command with --resume from the last "
+                      "checkpoint to the same bits"
+                    : "");
+  }
   return s.Succeeded() ? kConverged : kNotConverged;
 }
 

@@ -107,15 +107,29 @@ bool ContactEnergy::BuildList(const double* u, std::string* error) const {
     return BuildNeighborList(
         packing_.box, positions, packing_.radii, skin_, &list_, error);
   };
-  if (!build()) {
-    // A cell that is too short for a wide skin may do for the narrowest.
-    if (skin_ <= kMinSkin * min_radius_) return false;
-    skin_ = kMinSkin * min_radius_;
-    if (!build()) return false;
+  // A search takes as much memory as the arrays of the old list, which are
+  // needed again only if it is refused.
+  for (std::vector<double>* array :
+       {&r0_[0], &r0_[1], &r0_[2], &d0_, &delta0_, &pair_stiffness_}) {
+    std::vector<double>().swap(*array);
   }
-  std::copy(u, u + NumParameters(), u_list_.begin());
-  ++list_version_;
-  evaluations_since_build_ = 0;
+  bool found = build();
+  if (!found && skin_ > kMinSkin * min_radius_) {
+    // A cell that is too short for a wide skin may do for the narrowest.
+    skin_ = kMinSkin * min_radius_;
+    found = build();
+  }
+  if (found) {
+    std::copy(u, u + NumParameters(), u_list_.begin());
+    ++list_version_;
+    evaluations_since_build_ = 0;
+  }
+  // Where the search was refused the list before it stays in use.
+  if (list_version_ > 0) SetPairs();
+  return found;
+}
+
+void ContactEnergy::SetPairs() const {
   const auto pad = [](const std::vector<int>& from, std::vector<int>* to) {
     to->assign(from.size() + kPairPadding, 0);
     std::copy(from.begin(), from.end(), to->begin());
@@ -138,7 +152,6 @@ bool ContactEnergy::BuildList(const double* u, std::string* error) const {
     }
   }
   SetReferencePairs();
-  return true;
 }
 
 void ContactEnergy::SetReferencePairs() const {
@@ -471,6 +484,9 @@ std::vector<Contact> ContactEnergy::Contacts(const double* u) const {
   std::vector<Contact> contacts;
   if (!Prepare(u)) return contacts;
   UpdateStates();
+  contacts.reserve(std::count_if(states_.delta,
+                                 states_.delta + list_.num_pairs(),
+                                 [](double delta) { return delta > 0.0; }));
   for (int i = 0; i < num_grains_; ++i) {
     for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
       if (!(states_.delta[p] > 0.0)) continue;

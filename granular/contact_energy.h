@@ -120,6 +120,9 @@ class ContactEnergy : public UnilateralFunction {
   bool Prepare(const double* u) const;
   bool HasLeftSkin(const double* u, double usable) const;
   bool BuildList(const double* u, std::string* error) const;
+  // The arrays of PairView for the list as it is; those that depend on the
+  // reference.
+  void SetPairs() const;
   void SetReferencePairs() const;
   // states_ of all pairs at workspace_.
   void UpdateStates() const;

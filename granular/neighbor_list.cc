@@ -279,6 +279,7 @@ bool Build(const Box& given_box,
   std::vector<Entry> sorted(entries.size());
   std::vector<int> fill(list->row_start.begin(), list->row_start.end() - 1);
   for (const Entry& e : entries) sorted[fill[e.i]++] = e;
+  std::vector<Entry>().swap(entries);
   for (int i = 0; i < n; ++i) {
     std::sort(sorted.begin() + list->row_start[i],
               sorted.begin() + list->row_start[i + 1],
@@ -286,9 +287,9 @@ bool Build(const Box& given_box,
                 return a.j != b.j ? a.j < b.j : a.image < b.image;
               });
   }
-  list->i.resize(entries.size());
-  list->j.resize(entries.size());
-  list->image.resize(entries.size());
+  list->i.resize(sorted.size());
+  list->j.resize(sorted.size());
+  list->image.resize(sorted.size());
   for (std::size_t p = 0; p < sorted.size(); ++p) {
     list->i[p] = sorted[p].i;
     list->j[p] = sorted[p].j;

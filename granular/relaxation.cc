@@ -1,10 +1,13 @@
 #include "granular/relaxation.h"
 
+#include <algorithm>
 #include <memory>
 #include <utility>
 #include <vector>
 
 #include "granular/spatial_order.h"
+#include "solvers/format.h"
+#include "solvers/solver_sequence.h"
 
 namespace granopt {
 
@@ -32,6 +35,56 @@ bool Relax(const Packing& start,
     result->contacts = Restored(std::move(result->contacts), order);
   }
   return true;
+}
+
+std::int64_t LegEvaluations(const Packing& packing) {
+  constexpr std::int64_t kCoordinates = 10'000'000'000;
+  return std::max<std::int64_t>(
+      1000,
+      kCoordinates / (std::int64_t{packing.dimension()} * packing.size()));
+}
+
+bool RelaxInLegs(const ContactEnergyOptions& energy_options,
+                 const Solver& solver,
+                 const SolveOptions& solve_options,
+                 std::int64_t leg,
+                 const std::function<void(const RelaxationState&)>& observer,
+                 RelaxationState* state,
+                 Relaxation* result,
+                 std::string* error) {
+  while (true) {
+    const Summary done = state->summary;
+    SolveOptions options = Remaining(solve_options, done);
+    const bool is_last = options.max_evaluations <= leg;
+    options.max_evaluations = std::min(options.max_evaluations, leg);
+    if (!Relax(
+            state->packing, energy_options, solver, options, result, error)) {
+      return false;
+    }
+    const bool has_moved = result->summary.cost < result->summary.initial_cost;
+    if (state->legs > 0) {
+      result->summary = Joined(done, std::move(result->summary));
+      result->summary.message =
+          Format("leg %d: ", state->legs + 1) + result->summary.message;
+    }
+    result->list_builds += state->list_builds;
+    if (result->summary.reason != StopReason::MAX_EVALUATIONS || is_last) {
+      return true;
+    }
+    if (!has_moved) {
+      result->summary.reason = StopReason::NO_PROGRESS;
+      result->summary.message =
+          Format("no better point within %lld evaluations",
+                 static_cast<long long>(leg));
+      return true;
+    }
+    state->packing = std::move(result->packing);
+    state->summary = std::move(result->summary);
+    state->list_builds = result->list_builds;
+    *result = Relaxation();  // its memory
+    ++state->legs;
+    if (observer) observer(*state);
+  }
 }
 
 Relaxation Conclude(Summary summary, const double* u, ContactEnergy* energy) {

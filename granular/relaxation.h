@@ -3,6 +3,8 @@
 #ifndef GRANOPT_GRANULAR_RELAXATION_H_
 #define GRANOPT_GRANULAR_RELAXATION_H_
 
+#include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -32,6 +34,30 @@ bool Relax(const Packing& start,
            const SolveOptions& solve_options,
            Relaxation* result,
            std::string* error);
+
+// Where a relaxation in legs stands: all that the next leg depends on.
+struct RelaxationState {
+  Packing packing;  // the start, then the best point so far
+  Summary summary;  // of all legs
+  std::int64_t list_builds = 0;
+  int legs = 0;
+};
+
+// Evaluations a leg: some minutes of a first-order method. A packing of 4096
+// discs takes a million; shorter runs have one leg and are those of Relax().
+std::int64_t LegEvaluations(const Packing& packing);
+
+// As Relax(), but the method starts afresh, from the best point so far, after
+// every `leg` evaluations; `observer` is shown the state between two legs. A
+// run that goes on from such a state ends bit by bit where the whole one does.
+bool RelaxInLegs(const ContactEnergyOptions& energy_options,
+                 const Solver& solver,
+                 const SolveOptions& solve_options,
+                 std::int64_t leg,
+                 const std::function<void(const RelaxationState&)>& observer,
+                 RelaxationState* state,
+                 Relaxation* result,
+                 std::string* error);
 
 // The second half of Relax(), for those who call Minimize() themselves: what is
 // measured at the point `u` that it ended with. Recenters `energy` there.

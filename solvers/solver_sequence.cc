@@ -10,6 +10,41 @@ Counters operator+(Counters a, const Counters& b) { return a += b; }
 
 }  // namespace
 
+SolveOptions Remaining(const SolveOptions& options, const Summary& done) {
+  SolveOptions rest = options;
+  rest.max_iterations -= done.counters.iterations;
+  rest.max_evaluations -= done.counters.evaluations;
+  rest.max_seconds -= done.seconds;
+  if (options.callback) {
+    rest.callback = [&options, &done](const IterationState& state) {
+      IterationState whole = state;
+      whole.counters = done.counters + state.counters;
+      whole.seconds += done.seconds;
+      whole.function_seconds += done.function_seconds;
+      whole.linear_seconds += done.linear_seconds;
+      return options.callback(whole);
+    };
+  }
+  return rest;
+}
+
+Summary Joined(Summary first, Summary second) {
+  for (TraceRow& row : second.trace) {
+    row.iteration += first.counters.iterations;
+    row.evaluations += first.counters.evaluations;
+    row.seconds += first.seconds;
+  }
+  first.trace.insert(
+      first.trace.end(), second.trace.begin(), second.trace.end());
+  second.trace = std::move(first.trace);
+  second.initial_cost = first.initial_cost;
+  second.counters = first.counters + second.counters;
+  second.seconds += first.seconds;
+  second.function_seconds += first.function_seconds;
+  second.linear_seconds += first.linear_seconds;
+  return second;
+}
+
 bool SolverSequence::Supports(const FirstOrderFunction& function,
                               std::string* error) const {
   for (const auto& solver : solvers_) {
@@ -28,38 +63,10 @@ Summary SolverSequence::Minimize(FirstOrderFunction* function,
     if (!solver->Supports(*function, &why) && solver != solvers_.back()) {
       continue;
     }
-    // What is left of the budgets, and the whole run for the callback.
-    SolveOptions rest = options;
-    rest.max_iterations -= total.counters.iterations;
-    rest.max_evaluations -= total.counters.evaluations;
-    rest.max_seconds -= total.seconds;
-    if (options.callback) {
-      rest.callback = [&](const IterationState& state) {
-        IterationState whole = state;
-        whole.counters = total.counters + state.counters;
-        whole.seconds += total.seconds;
-        whole.function_seconds += total.function_seconds;
-        whole.linear_seconds += total.linear_seconds;
-        return options.callback(whole);
-      };
-    }
-    Summary summary = solver->Minimize(function, rest, x);
-    for (TraceRow& row : summary.trace) {
-      row.iteration += total.counters.iterations;
-      row.evaluations += total.counters.evaluations;
-      row.seconds += total.seconds;
-    }
-    summary.counters = total.counters + summary.counters;
-    summary.seconds += total.seconds;
-    summary.function_seconds += total.function_seconds;
-    summary.linear_seconds += total.linear_seconds;
-    if (!is_first) {
-      summary.initial_cost = total.initial_cost;
-      summary.trace.insert(
-          summary.trace.begin(), total.trace.begin(), total.trace.end());
-    }
+    Summary next = solver->Minimize(function, Remaining(options, total), x);
+    total =
+        is_first ? std::move(next) : Joined(std::move(total), std::move(next));
     is_first = false;
-    total = std::move(summary);
     const bool gave_up = total.reason == StopReason::NO_PROGRESS ||
                          total.reason == StopReason::MAX_MEMORY ||
                          total.reason == StopReason::EVALUATION_FAILED;

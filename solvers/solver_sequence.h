@@ -11,6 +11,12 @@
 
 namespace granopt {
 
+// Of a run in several parts: the budgets that `done` leaves, and a callback
+// that sees the whole run. `done` must outlive what is returned.
+SolveOptions Remaining(const SolveOptions& options, const Summary& done);
+// Work and trace of both, the end of the second.
+Summary Joined(Summary first, Summary second);
+
 // "a|b|c": each method starts from the best point of those before it, until one
 // succeeds or a budget is spent; one that cannot serve the function is passed
 // over. Work is added up, and the message names the method that ended the run.

@@ -1,4 +1,4 @@
-"""Interrupts the jamming experiment in every way and has it go on.
+"""Interrupts jamming and relaxations in every way and has them go on.
 
     restart_test.py BINARIES [KILLS]
 
@@ -64,6 +64,60 @@ def Damage(path, how):
     text[len(text) // 2] ^= 4
   with open(path, "wb") as file:
     file.write(text)
+
+
+def RelaxIsTheSame(folder, generator):
+  """A relaxation in legs, killed or asked to stop at random moments."""
+  command = [os.path.join(sys.argv[1], "relax"), "--particles=512", "--seed=5",
+             "--solver=lbfgs", "--tolerance=1e-9", "--leg=300", "--nopictures",
+             "--nocertify"]
+  names = ("packing.xyz", "contacts.csv", "trace.csv")
+
+  def Go(out, *more):
+    start = time.time()
+    process = subprocess.Popen(command + [f"--out={folder}/{out}", *more],
+                               stdout=subprocess.PIPE, text=True)
+    return process, start
+
+  def Files(out):
+    files = {}
+    for name in names:
+      with open(f"{folder}/{out}/{name}", encoding="utf-8") as file:
+        files[name] = [line.rsplit(",", 1)[0] if name == "trace.csv" else line
+                       for line in file]
+    return files
+
+  process, start = Go("relax")
+  text, _ = process.communicate()
+  duration = time.time() - start
+  assert process.returncode == 0 and "leg " in text, text
+  expected = Files("relax")
+  resumed = 0
+  for number in range(10):
+    out = f"relax_{number}"
+    more = []
+    while True:
+      process, _ = Go(out, *more)
+      try:
+        text, _ = process.communicate(timeout=generator.uniform(0, duration))
+      except subprocess.TimeoutExpired:
+        how = generator.choice((signal.SIGKILL, signal.SIGINT))
+        process.send_signal(how)
+        text, _ = process.communicate()
+      resumed += "resumed after evaluation" in text
+      if process.returncode == 0:
+        break
+      assert process.returncode in (1, -signal.SIGINT, -signal.SIGKILL), text
+      assert process.returncode != 1 or "stopped as asked" in text, text
+      if os.path.exists(f"{folder}/{out}/checkpoint.cbor"):
+        CheckCheckpoint(f"{folder}/{out}/checkpoint.cbor")
+      more = ["--resume"]
+    assert Files(out) == expected, out
+  done = subprocess.run(
+      command + [f"--out={folder}/relax", "--resume", "--alpha=2.5"],
+      capture_output=True, text=True)
+  assert done.returncode == 2 and "alpha = 2.0, now 2.5" in done.stderr
+  print(f"relax: {resumed} runs that went on: the same bytes")
 
 
 def main():
@@ -166,6 +220,7 @@ def main():
     assert sorted(os.listdir(out + "_both")) == before
   print("cut and damaged checkpoints: named, the one before used, the same "
         "bytes")
+  RelaxIsTheSame(folder, generator)
   # Other flags are refused.
   status, _, error = Run(1, whole, "--resume", "--dphi=2e-3")
   assert status == 2 and "dphi = 0.001, now 0.002" in error, error
