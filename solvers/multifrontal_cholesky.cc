@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstring>
+#include <numeric>
 
 #include "solvers/instruction_set.h"
 
@@ -17,30 +18,33 @@ constexpr int kSpareColumns = 3;
 
 int Even(int rows) { return rows + (rows & 1); }
 
-// The first of 2, 3 and 1 for which every b columns have the same block rows,
-// all of them full.
-int BlockSize(const SparseMatrix& lower) {
+// Do every B columns have the same block rows, all of them full?
+template <int B>
+bool HasBlocks(const SparseMatrix& lower) {
   const int* start = lower.outerIndexPtr();
-  const int* row = lower.innerIndexPtr();
   const int n = static_cast<int>(lower.cols());
-  for (const int b : {2, 3}) {
-    bool fits = n % b == 0;
-    for (int j = 0; j < n && fits; j += b) {
-      // Column j + c begins with rows j + c to j + b - 1.
-      const int blocks = start[j + 1] - start[j];
-      fits = blocks % b == 0;
-      for (int c = 0; c < b && fits; ++c) {
-        fits = start[j + c + 1] - start[j + c] == blocks - c;
-        const int* column = row + start[j + c];
-        for (int k = c; k < blocks && fits; ++k) {
-          const int base = row[start[j] + k / b * b];
-          fits = column[k - c] == base + k % b && base % b == 0;
+  bool fits = n % B == 0;
+  for (int j = 0; j < n && fits; j += B) {
+    const int* first = lower.innerIndexPtr() + start[j];
+    const int rows = start[j + 1] - start[j];
+    fits = rows % B == 0;
+    for (int k = 0; k < rows && fits; k += B) fits = first[k] % B == 0;
+    for (int c = 0; c < B && fits; ++c) {
+      // Column j + c begins with rows j + c to j + B - 1.
+      fits = start[j + c + 1] - start[j + c] == rows - c;
+      const int* column = lower.innerIndexPtr() + start[j + c] - c;
+      for (int k = 0; k < rows && fits; k += B) {
+        for (int r = k == 0 ? c : 0; r < B; ++r) {
+          fits = fits && column[k + r] == first[k] + r;
         }
       }
     }
-    if (fits) return b;
   }
-  return 1;
+  return fits;
+}
+
+int BlockSize(const SparseMatrix& lower) {
+  return HasBlocks<2>(lower) ? 2 : HasBlocks<3>(lower) ? 3 : 1;
 }
 
 // Should a supernode of `columns` (in entries) be joined to its parent although
@@ -60,11 +64,11 @@ const DensePanel& FastestPanel() {
   return kPortablePanel;
 }
 
-// Without the diagonal: block rows below it by block columns, and of the
-// permuted matrix the block columns left of it by block rows.
+// Block rows below the diagonal by block columns: of the matrix as it was
+// given, and of the permuted one with the number of each in `row`.
 struct MultifrontalCholesky::Graph {
   std::vector<int> start, row;
-  std::vector<int> left_start, left;
+  std::vector<int> below_start, below, from;
 };
 
 bool MultifrontalCholesky::Order(const SparseMatrix& lower, Graph* graph) {
@@ -124,6 +128,56 @@ std::vector<int> Postorder(const std::vector<int>& parent) {
   return place;
 }
 
+// From the length of each list, ends of lists that follow one another: starts,
+// once each has been filled from its end.
+void Accumulate(std::vector<int>* counts) {
+  std::partial_sum(counts->begin(), counts->end(), counts->begin());
+}
+
+// Entries of each column of L, with the diagonal, of a matrix in postorder:
+// its row i is a subtree with the root i, of which only the leaves and where
+// their paths meet count (Gilbert, Ng, Peyton, SIAM J. Matrix Anal. Appl. 15
+// (1994) 1075).
+std::vector<int> CountColumns(const std::vector<int>& parent,
+                              const std::vector<int>& below_start,
+                              const std::vector<int>& below) {
+  const int n = static_cast<int>(parent.size());
+  // The first node of each subtree, and what a column has beyond its children.
+  std::vector<int> first(n), count(n, 0);
+  std::iota(first.begin(), first.end(), 0);
+  for (int k = 0; k < n; ++k) {
+    if (first[k] == k) count[k] = 1;  // a leaf
+    if (parent[k] < 0) continue;
+    first[parent[k]] = std::min(first[parent[k]], first[k]);
+    --count[parent[k]];
+  }
+  std::vector<int> last_leaf(n, -1), ancestor(n);
+  std::iota(ancestor.begin(), ancestor.end(), 0);
+  for (int k = 0; k < n; ++k) {
+    for (int e = below_start[k]; e < below_start[k + 1]; ++e) {
+      const int i = below[e];
+      const int leaf = last_leaf[i];
+      if (leaf >= first[k]) continue;  // within the subtree of k
+      ++count[k];
+      last_leaf[i] = k;
+      if (leaf < 0) continue;
+      int meet = leaf;
+      while (meet != ancestor[meet]) meet = ancestor[meet];
+      for (int a = leaf; a != meet;) {
+        const int up = ancestor[a];
+        ancestor[a] = meet;
+        a = up;
+      }
+      --count[meet];
+    }
+    if (parent[k] >= 0) ancestor[k] = parent[k];
+  }
+  for (int k = 0; k < n; ++k) {
+    if (parent[k] >= 0) count[parent[k]] += count[k];
+  }
+  return count;
+}
+
 }  // namespace
 
 bool MultifrontalCholesky::Analyze(const SparseMatrix& lower) {
@@ -141,32 +195,25 @@ bool MultifrontalCholesky::Analyze(const SparseMatrix& lower) {
   place_.resize(blocks_);
   for (int k = 0; k < blocks_; ++k) place_[order_[k]] = k;
 
-  // Neighbours that come earlier, by rows of the permuted matrix.
-  const auto find_left = [&] {
-    graph.left_start.assign(blocks_ + 1, 0);
-    for (int j = 0; j < blocks_; ++j) {
-      for (int k = graph.start[j]; k < graph.start[j + 1]; ++k) {
-        ++graph.left_start[std::max(place_[j], place_[graph.row[k]]) + 1];
-      }
+  // The elimination tree (Liu 1990, with compressed paths), by the neighbours
+  // of a row that come before it.
+  std::vector<int> start(blocks_ + 1, 0), before(graph.row.size());
+  for (int j = 0; j < blocks_; ++j) {
+    for (int k = graph.start[j]; k < graph.start[j + 1]; ++k) {
+      ++start[std::max(place_[j], place_[graph.row[k]])];
     }
-    for (int k = 0; k < blocks_; ++k) {
-      graph.left_start[k + 1] += graph.left_start[k];
+  }
+  Accumulate(&start);
+  for (int j = 0; j < blocks_; ++j) {
+    for (int k = graph.start[j]; k < graph.start[j + 1]; ++k) {
+      const int a = place_[j], b = place_[graph.row[k]];
+      before[--start[std::max(a, b)]] = std::min(a, b);
     }
-    graph.left.resize(graph.row.size());
-    std::vector<int> at(graph.left_start.begin(), graph.left_start.end() - 1);
-    for (int j = 0; j < blocks_; ++j) {
-      for (int k = graph.start[j]; k < graph.start[j + 1]; ++k) {
-        const int a = place_[j], b = place_[graph.row[k]];
-        graph.left[at[std::max(a, b)]++] = std::min(a, b);
-      }
-    }
-  };
-  find_left();
-  // The elimination tree (Liu 1990, with compressed paths).
+  }
   std::vector<int> parent(blocks_, -1), ancestor(blocks_, -1);
   for (int k = 0; k < blocks_; ++k) {
-    for (int e = graph.left_start[k]; e < graph.left_start[k + 1]; ++e) {
-      for (int i = graph.left[e]; i >= 0 && i < k;) {
+    for (int e = start[k]; e < start[k + 1]; ++e) {
+      for (int i = before[e]; i >= 0 && i < k;) {
         const int up = ancestor[i];
         ancestor[i] = k;
         if (up < 0) parent[i] = k;
@@ -183,26 +230,37 @@ bool MultifrontalCholesky::Analyze(const SparseMatrix& lower) {
   }
   order_.swap(order);
   for (int k = 0; k < blocks_; ++k) place_[order_[k]] = k;
-  find_left();
+  Permute(&graph);
   FindSupernodes(graph, tree);
   FindRows(graph);
-  PlaceEntries(lower);
+  PlaceEntries(lower, graph);
   return true;
+}
+
+void MultifrontalCholesky::Permute(Graph* graph) const {
+  graph->below_start.assign(blocks_ + 1, 0);
+  graph->below.resize(graph->row.size());
+  graph->from.resize(graph->row.size());
+  for (int j = 0; j < blocks_; ++j) {
+    for (int k = graph->start[j]; k < graph->start[j + 1]; ++k) {
+      ++graph->below_start[std::min(place_[j], place_[graph->row[k]])];
+    }
+  }
+  Accumulate(&graph->below_start);
+  for (int j = 0; j < blocks_; ++j) {
+    for (int k = graph->start[j]; k < graph->start[j + 1]; ++k) {
+      const int a = place_[j], b = place_[graph->row[k]];
+      const int to = --graph->below_start[std::min(a, b)];
+      graph->below[to] = std::max(a, b);
+      graph->from[to] = k;
+    }
+  }
 }
 
 void MultifrontalCholesky::FindSupernodes(const Graph& graph,
                                           const std::vector<int>& parent) {
-  // Entries of each column of L: row k is the subtree that its entries span.
-  std::vector<int> count(blocks_, 1), seen(blocks_, -1);
-  for (int k = 0; k < blocks_; ++k) {
-    seen[k] = k;
-    for (int e = graph.left_start[k]; e < graph.left_start[k + 1]; ++e) {
-      for (int i = graph.left[e]; seen[i] != k; i = parent[i]) {
-        seen[i] = k;
-        ++count[i];
-      }
-    }
-  }
+  const std::vector<int> count =
+      CountColumns(parent, graph.below_start, graph.below);
   num_nonzeros_ = 0;
   for (const int c : count) {
     num_nonzeros_ += static_cast<std::int64_t>(c) * block_ * block_ -
@@ -266,16 +324,6 @@ void MultifrontalCholesky::FindSupernodes(const Graph& graph,
 
 void MultifrontalCholesky::FindRows(const Graph& graph) {
   const int n = static_cast<int>(super_parent_.size());
-  // Columns below the diagonal of the permuted matrix, from its rows.
-  std::vector<int> start(blocks_ + 1, 0), row(graph.left.size());
-  for (const int i : graph.left) ++start[i + 1];
-  for (int k = 0; k < blocks_; ++k) start[k + 1] += start[k];
-  std::vector<int> at(start.begin(), start.end() - 1);
-  for (int k = 0; k < blocks_; ++k) {
-    for (int e = graph.left_start[k]; e < graph.left_start[k + 1]; ++e) {
-      row[at[graph.left[e]]++] = k;
-    }
-  }
   std::vector<int> first_child(n, -1), next_child(n, -1);
   std::vector<int> seen(blocks_, -1);
   row_start_.assign(n + 1, 0);
@@ -289,7 +337,10 @@ void MultifrontalCholesky::FindRows(const Graph& graph) {
         rows_.push_back(i);
       }
     };
-    for (int k = start[first_[s]]; k < start[end]; ++k) add(row[k]);
+    for (int k = graph.below_start[first_[s]]; k < graph.below_start[end];
+         ++k) {
+      add(graph.below[k]);
+    }
     for (int c = first_child[s]; c >= 0; c = next_child[c]) {
       for (int k = row_start_[c]; k < row_start_[c + 1]; ++k) add(rows_[k]);
     }
@@ -340,56 +391,55 @@ void MultifrontalCholesky::FindRows(const Graph& graph) {
   below_.resize(largest);
 }
 
-void MultifrontalCholesky::PlaceEntries(const SparseMatrix& lower) {
+void MultifrontalCholesky::PlaceEntries(const SparseMatrix& lower,
+                                        const Graph& graph) {
   const int n = static_cast<int>(super_parent_.size());
   const int* start = lower.outerIndexPtr();
-  const int* row = lower.innerIndexPtr();
   entry_start_.assign(n + 1, 0);
-  const auto count = static_cast<std::size_t>(lower.nonZeros());
-  std::vector<std::int64_t> place(count);
-  std::vector<int> owner(count);
+  entry_.resize(lower.nonZeros());
+  entry_place_.resize(lower.nonZeros());
   diagonal_place_.resize(size_);
-  // Where block row i is in the front of s.
-  const auto local = [&](int s, int i) {
-    if (i < first_[s + 1]) return i - first_[s];
-    const auto begin = rows_.begin() + row_start_[s];
-    const auto end = rows_.begin() + row_start_[s + 1];
-    return first_[s + 1] - first_[s] +
-           static_cast<int>(std::lower_bound(begin, end, i) - begin);
+  int to = 0;
+  const auto add = [&](int entry, std::int64_t place) {
+    entry_[to] = entry;
+    entry_place_[to++] = place;
   };
-  for (int j = 0; j < blocks_; ++j) {
-    const int first = start[j * block_];
-    const int blocks = (start[j * block_ + 1] - first) / block_;
-    for (int b = 0; b < blocks; ++b) {
-      const int i = row[first + b * block_] / block_;
-      const bool swap = place_[i] < place_[j];
-      const int k = swap ? place_[i] : place_[j];
-      const int s = super_[k];
-      const int at_column = (k - first_[s]) * block_;
-      const int at_row = local(s, swap ? place_[j] : place_[i]) * block_;
-      for (int c = 0; c < block_; ++c) {
-        // Of column c the first block lacks what is above the diagonal.
-        for (int r = i == j ? c : 0; r < block_; ++r) {
-          const int e = start[j * block_ + c] + b * block_ + r - c;
-          const int to_row = at_row + (swap ? c : r);
-          const int to_column = at_column + (swap ? r : c);
-          place[e] = offset_[s] +
-                     static_cast<std::int64_t>(to_column) * stride_[s] + to_row;
-          owner[e] = s;
-          ++entry_start_[s + 1];
-          if (i == j && r == c) diagonal_place_[j * block_ + c] = place[e];
+  std::vector<int> local(blocks_);  // block rows in the front of s
+  for (int s = 0; s < n; ++s) {
+    const int columns = first_[s + 1] - first_[s];
+    for (int k = 0; k < columns; ++k) local[first_[s] + k] = k;
+    for (int r = row_start_[s]; r < row_start_[s + 1]; ++r) {
+      local[rows_[r]] = columns + r - row_start_[s];
+    }
+    const std::int64_t stride = stride_[s];
+    for (int k = first_[s]; k < first_[s + 1]; ++k) {
+      std::int64_t corner =
+          offset_[s] + (k - first_[s]) * block_ * (stride + 1);
+      for (int c = 0; c < block_; ++c, corner += stride + 1) {
+        const int column = order_[k] * block_ + c;
+        diagonal_place_[column] = corner;
+        for (int r = c; r < block_; ++r) {
+          add(start[column] + r - c, corner + r - c);
+        }
+      }
+      for (int e = graph.below_start[k]; e < graph.below_start[k + 1]; ++e) {
+        const int i = graph.below[e];
+        // Which of the two is the column as it was given.
+        const bool swap = order_[i] < order_[k];
+        const int j = swap ? order_[i] : order_[k];
+        const int above = (graph.from[e] - graph.start[j] + 1) * block_;
+        const std::int64_t block =
+            offset_[s] + (k - first_[s]) * block_ * stride + local[i] * block_;
+        for (int c = 0; c < block_; ++c) {
+          // Column c lacks what is above the diagonal.
+          const int entry = start[j * block_ + c] + above - c;
+          for (int r = 0; r < block_; ++r) {
+            add(entry + r, block + (swap ? r * stride + c : c * stride + r));
+          }
         }
       }
     }
-  }
-  for (int s = 0; s < n; ++s) entry_start_[s + 1] += entry_start_[s];
-  std::vector<int> at(entry_start_.begin(), entry_start_.end() - 1);
-  entry_.resize(count);
-  entry_place_.resize(count);
-  for (std::size_t e = 0; e < count; ++e) {
-    const int to = at[owner[e]]++;
-    entry_[to] = static_cast<int>(e);
-    entry_place_[to] = place[e];
+    entry_start_[s + 1] = to;
   }
 }
 

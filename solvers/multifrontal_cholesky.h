@@ -53,9 +53,10 @@ class MultifrontalCholesky {
   struct Graph;  // of blocks
 
   bool Order(const SparseMatrix& lower, Graph* graph);
+  void Permute(Graph* graph) const;
   void FindSupernodes(const Graph& graph, const std::vector<int>& parent);
   void FindRows(const Graph& graph);
-  void PlaceEntries(const SparseMatrix& lower);
+  void PlaceEntries(const SparseMatrix& lower, const Graph& graph);
 
   const DensePanel* panel_ = &FastestPanel();
   int size_ = 0;

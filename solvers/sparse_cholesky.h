@@ -33,7 +33,9 @@ enum class Factorizer {
 // L L^T = P (A + shift 1) P^T with a fill-reducing permutation P, by our own
 // multifrontal factor, by CHOLMOD or, if built with -DGRANOPT_CHOLMOD=OFF, by
 // Eigen's SimplicialLDLT (MPL2).
-// The symbolic analysis is kept as long as the pattern version stays the same.
+// The symbolic analysis is kept as long as the pattern version stays the same,
+// and the last one of our own factor in a thread serves any object that is
+// given the same pattern next.
 //
 // The matrix is normalized by a power of two first: 2^a A with 2^a shift and
 // 2^c b give bitwise 2^(c-a) x.
@@ -70,8 +72,10 @@ class SparseCholesky {
   double memory_limit() const { return memory_limit_; }
   bool ExceedsMemory() const { return bytes_ > memory_limit_; }
 
-  // Symbolic analyses so far, and entries of the last factor.
+  // Symbolic analyses so far, those among them that were there from the last
+  // object, and entries of the last factor.
   std::int64_t num_analyses() const { return num_analyses_; }
+  std::int64_t num_recalled() const { return num_recalled_; }
   std::int64_t num_nonzeros() const { return num_nonzeros_; }
 
   // Who made the last factor, MULTIFRONTAL or LIBRARY.
@@ -95,6 +99,7 @@ class SparseCholesky {
   std::vector<double> columns_, solution_;
   std::int64_t analyzed_version_ = -1;
   std::int64_t num_analyses_ = 0;
+  std::int64_t num_recalled_ = 0;
   std::int64_t num_nonzeros_ = 0;
   int size_ = -1;
   double bytes_ = 0.0;

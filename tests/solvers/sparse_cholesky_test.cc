@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <thread>
 #include <vector>
 
 #include "Eigen/Dense"
@@ -50,6 +51,47 @@ TEST(SparseCholesky, AnalyzesOncePerPatternVersion) {
   ASSERT_TRUE(cholesky.Factorize(Chain(60, 0.2), 8));
   EXPECT_EQ(cholesky.num_analyses(), 2);
   EXPECT_GE(cholesky.num_nonzeros(), 60 + 59);
+}
+
+// The bits of a solution do not say whether its analysis was made or recalled,
+// and a pattern that differs in one place only is another one.
+TEST(SparseCholesky, RecallsTheLastAnalysisOfTheSamePattern) {
+  const auto chain_and = [](int i, int j) {
+    SparseMatrix a = Chain(60, 1.0);
+    a.coeffRef(i, j) = -0.3;
+    a.makeCompressed();
+    return a;
+  };
+  const SparseMatrix one = chain_and(40, 3), other = chain_and(41, 3);
+  ASSERT_EQ(one.nonZeros(), other.nonZeros());
+  const Eigen::VectorXd b = Eigen::VectorXd::LinSpaced(60, -1.0, 2.0);
+  // By a new object, as each solve has one.
+  const auto solve = [&b](const SparseMatrix& a, bool recalls) {
+    SparseCholesky cholesky(Ordering::AMD, Factorizer::MULTIFRONTAL);
+    EXPECT_TRUE(cholesky.Factorize(a, 1));
+    EXPECT_EQ(cholesky.num_analyses(), 1);
+    EXPECT_EQ(cholesky.num_recalled(), recalls ? 1 : 0);
+    Eigen::VectorXd x(60);
+    cholesky.Solve(b.data(), x.data());
+    EXPECT_LT((a.selfadjointView<Eigen::Lower>() * x - b).norm(), 1e-13);
+    return x;
+  };
+  Eigen::VectorXd first, second;
+  // Threads that have solved nothing before.
+  std::thread([&] { first = solve(one, false); }).join();
+  std::thread([&] { second = solve(other, false); }).join();
+  std::thread([&] {
+    EXPECT_EQ(solve(one, false), first);
+    EXPECT_EQ(solve(2.0 * one, true), 0.5 * first);
+    EXPECT_EQ(solve(other, false), second);
+    EXPECT_EQ(solve(other, true), second);
+    EXPECT_EQ(solve(one, false), first);
+    // Neither the factor nor a refused matrix is remembered.
+    SparseCholesky refuses(Ordering::AMD, Factorizer::MULTIFRONTAL);
+    EXPECT_FALSE(refuses.Factorize(-one, 1));
+    EXPECT_FALSE(refuses.Factorize(SparseMatrix(60, 60), 2));
+    EXPECT_EQ(solve(one, false), first);
+  }).join();
 }
 
 TEST(SparseCholesky, RefusesIndefiniteAndNotFiniteMatricesAndRecovers) {
