@@ -1,9 +1,46 @@
 #include "granular/relaxation.h"
 
+#include <algorithm>
+#include <cmath>
 #include <memory>
 #include <utility>
 
+#include "solvers/format.h"
+
 namespace granopt {
+namespace {
+
+// Puts numbers in double precision in place of those of a run that ended in
+// single precision, which may turn out not to have converged.
+void JudgeInDouble(const ContactEnergy& energy,
+                   const double* u,
+                   Summary* summary) {
+  std::vector<double> gradient(energy.NumParameters());
+  Scales scales;
+  if (!energy.EvaluateWithScales(u, &summary->cost, gradient.data(), &scales)) {
+    return;
+  }
+  const double before = summary->max_gradient;
+  summary->scales = scales;
+  summary->max_gradient = 0.0;
+  for (const double g : gradient) {
+    summary->max_gradient = std::max(summary->max_gradient, std::abs(g));
+  }
+  const bool is_worse = summary->reason == StopReason::CONVERGED &&
+                        !(summary->max_gradient <= summary->tolerance);
+  if (is_worse) summary->reason = StopReason::NO_PROGRESS;
+  if (summary->reason != StopReason::NO_PROGRESS) return;
+  summary->message =
+      Format(
+          "|g| = %.2e > %.2e in double precision, %.2e in single precision, "
+          "where the run ended (--precision=mixed goes on): ",
+          summary->max_gradient,
+          summary->tolerance,
+          before) +
+      summary->message;
+}
+
+}  // namespace
 
 bool Relax(const Packing& start,
            const ContactEnergyOptions& energy_options,
@@ -22,8 +59,9 @@ bool Relax(const Packing& start,
 
 Relaxation Conclude(Summary summary, const double* u, ContactEnergy* energy) {
   Relaxation relaxation;
-  relaxation.summary = std::move(summary);
   energy->Recenter(u);
+  if (energy->UseDouble()) JudgeInDouble(*energy, u, &summary);
+  relaxation.summary = std::move(summary);
   relaxation.packing = energy->Configuration(u);
   relaxation.contacts = energy->Contacts(u);
   // Images are those of the wrapped grains.
