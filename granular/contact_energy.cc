@@ -172,57 +172,52 @@ void ContactEnergy::RenewReferencePairs() const {
 void ContactEnergy::SetReferencePairs(bool single) const {
   const int d = dimension_;
   const std::size_t m = list_.num_pairs() + kPairPadding;
-  const auto pad = [d, m](auto* pairs) {
-    for (int k = 0; k < d; ++k) pairs->r0[k].assign(m, 1);
-    pairs->d0.assign(m, 1);
-    pairs->delta0.assign(m, -1);
-    pairs->is_current = true;
-  };
-  if (single) {
-    pad(&single_reference_);
-    single_workspace_.resize(NumParameters());
-  } else {
-    pad(&reference_);
-  }
-  // A positive d0 keeps the kernel's quotients in range where centres coincide;
-  // so many powers of two below the radii it is not seen otherwise.
-  const double least_distance =
-      std::ldexp(1.0, std::ilogb(min_radius_) - (single ? 40 : 300));
   std::vector<DoubleDouble> x(NumParameters());
   for (int i = 0; i < num_grains_; ++i) {
     for (int k = 0; k < d; ++k) {
       x[d * i + k] = packing_.Position(i, k) + u_reference_[d * i + k];
     }
   }
-  for (int i = 0; i < num_grains_; ++i) {
-    for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
-      const int j = list_.j[p];
-      DoubleDouble square;
-      for (int k = 0; k < d; ++k) {
-        DoubleDouble r = x[d * i + k] - x[d * j + k];
-        for (int c = 0; c < d; ++c) {
-          const int n = list_.image[p][c];
-          if (n != 0) r = r + TwoProduct(n, packing_.box.edges()(k, c));
+  const auto set = [&](auto* pairs, const auto& rounded, int exponent) {
+    for (int k = 0; k < d; ++k) pairs->r0[k].assign(m, 1);
+    pairs->d0.assign(m, 1);
+    pairs->delta0.assign(m, -1);
+    pairs->is_current = true;
+    // A positive d0 keeps the kernel's quotients in range where centres
+    // coincide; so many powers of two below the radii it is not seen otherwise.
+    const double least_distance =
+        std::ldexp(1.0, std::ilogb(min_radius_) + exponent);
+    for (int i = 0; i < num_grains_; ++i) {
+      for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
+        const int j = list_.j[p];
+        DoubleDouble square;
+        for (int k = 0; k < d; ++k) {
+          DoubleDouble r = x[d * i + k] - x[d * j + k];
+          for (int c = 0; c < d; ++c) {
+            const int n = list_.image[p][c];
+            if (n != 0) r = r + TwoProduct(n, packing_.box.edges()(k, c));
+          }
+          pairs->r0[k][p] = rounded(r.hi);
+          square = square + r * r;
         }
-        if (single) {
-          single_reference_.r0[k][p] = static_cast<float>(r.hi / single_unit_);
-        } else {
-          reference_.r0[k][p] = r.hi;
-        }
-        square = square + r * r;
-      }
-      const DoubleDouble distance = Sqrt(square);
-      const double d0 = std::max(distance.hi, least_distance);
-      const double delta0 =
-          (TwoSum(packing_.radii[i], packing_.radii[j]) - distance).Value();
-      if (single) {
-        single_reference_.d0[p] = static_cast<float>(d0 / single_unit_);
-        single_reference_.delta0[p] = static_cast<float>(delta0 / single_unit_);
-      } else {
-        reference_.d0[p] = d0;
-        reference_.delta0[p] = delta0;
+        const DoubleDouble distance = Sqrt(square);
+        pairs->d0[p] = rounded(std::max(distance.hi, least_distance));
+        pairs->delta0[p] = rounded(
+            (TwoSum(packing_.radii[i], packing_.radii[j]) - distance).Value());
       }
     }
+  };
+  if (single) {
+    single_workspace_.resize(NumParameters());
+    set(
+        &single_reference_,
+        [unit = single_unit_](double v) {
+          return static_cast<float>(v / unit);
+        },
+        -40);
+  } else {
+    set(
+        &reference_, [](double v) { return v; }, -300);
   }
 }
 
