@@ -195,6 +195,28 @@ void BM_ContactEnergy(benchmark::State& state) {
   PerGrain(state, packing);
 }
 
+// Double or single precision (the last argument) of a random packing.
+void BM_Precision(benchmark::State& state) {
+  GeneratorOptions generator;
+  generator.dimension = static_cast<int>(state.range(0));
+  generator.packing_fraction = generator.dimension == 2 ? 0.88 : 0.7;
+  generator.particles = static_cast<int>(state.range(2));
+  ContactEnergyOptions law;
+  law.alpha = 0.1 * static_cast<double>(state.range(1));
+  law.precision = state.range(3) == 0 ? Precision::DOUBLE : Precision::FLOAT;
+  std::string error;
+  Packing packing;
+  GeneratePacking(generator, &packing, &error);
+  const auto energy = ContactEnergy::Create(packing, law, &error);
+  std::vector<double> u(energy->NumParameters(), 0.0);
+  std::vector<double> gradient(u.size());
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(
+        TimedContactEnergy(*energy, u.data(), gradient.data()));
+  }
+  PerGrain(state, packing);
+}
+
 void BM_PlainLoop(benchmark::State& state) {
   const Packing& packing = PackingOf(static_cast<int>(state.range(0)));
   const PlainLoop loop(packing);
@@ -294,6 +316,9 @@ void BM_Solve(benchmark::State& state) {
 }
 
 BENCHMARK(BM_ContactEnergy)->Arg(1)->Arg(64);
+BENCHMARK(BM_Precision)
+    ->ArgNames({"d", "10alpha", "grains", "float"})
+    ->ArgsProduct({{2, 3}, {20, 25}, {1024, 4096, 262144}, {0, 1}});
 BENCHMARK(BM_PlainLoop)->Arg(1)->Arg(64);
 BENCHMARK(BM_NeighborList)->Arg(1)->Arg(64);
 BENCHMARK(BM_Rebase)->Arg(1)->Arg(64);

@@ -1157,6 +1157,7 @@ Json SummaryJson(const Plan& plan,
   json["runs_converged"] = converged;
   json["alpha"] = scene.energy.alpha;
   json["k"] = scene.energy.stiffness;
+  json["precision"] = PrecisionName(scene.energy.precision);
   json["dimension"] = scene.packing.dimension();
   json["particles"] = scene.packing.size();
   json["prepare_solver"] = plan.prepare->name();

@@ -112,18 +112,23 @@ JammingOptions MakeJammingOptions(const Scene& scene, double phi_init) {
 
 // What must be the same for a run to go on from a checkpoint.
 Json Setup(const Scene& scene, const JammingOptions& options) {
-  return {{"packing", Crc32(FormatPacking(scene.packing))},
-          {"alpha", scene.energy.alpha},
-          {"solver", scene.solver->name()},
-          {"tolerance", options.solve.relative_tolerance},
-          {"zero_pressure", options.solve.vanishing_tolerance},
-          {"route", JammingRouteName(options.route)},
-          {"phi_init", options.phi_init},
-          {"dphi", options.phi_increment},
-          {"overcompression", options.overcompression},
-          {"epsilon", options.accuracy},
-          {"error_bar", FLAGS_error_bar},
-          {"until_isostatic", options.until_isostatic}};
+  Json setup = {{"packing", Crc32(FormatPacking(scene.packing))},
+                {"alpha", scene.energy.alpha},
+                {"solver", scene.solver->name()},
+                {"tolerance", options.solve.relative_tolerance},
+                {"zero_pressure", options.solve.vanishing_tolerance},
+                {"route", JammingRouteName(options.route)},
+                {"phi_init", options.phi_init},
+                {"dphi", options.phi_increment},
+                {"overcompression", options.overcompression},
+                {"epsilon", options.accuracy},
+                {"error_bar", FLAGS_error_bar},
+                {"until_isostatic", options.until_isostatic}};
+  // Not in checkpoints from before there was a choice.
+  if (scene.energy.precision != Precision::DOUBLE) {
+    setup["precision"] = PrecisionName(scene.energy.precision);
+  }
+  return setup;
 }
 
 // The state to go on from, and the rows of path.csv until then.
@@ -321,6 +326,7 @@ int Main() {
   json["seconds"] = result.seconds;
   json["solver"] = scene.solver->name();
   json["alpha"] = scene.energy.alpha;
+  json["precision"] = PrecisionName(scene.energy.precision);
   json["dimension"] = d;
   json["particles"] = scene.packing.size();
   json["route"] = JammingRouteName(options.route);

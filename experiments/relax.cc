@@ -1,7 +1,8 @@
 // relax: one energy minimization of one packing, the everyday tool.
 //
 //   relax --input=F.xyz | --particles=N --phi=P --seed=S
-//         --alpha=2 --solver=NAME[:key=value,...] --tolerance=1e-10
+//         --alpha=2 --precision=double --solver=NAME[:key=value,...]
+//         --tolerance=1e-10
 //         --radius_factor=1 --simple_shear=0 --pure_shear=0 --perturb=0
 //         --out=DIR
 //
@@ -69,6 +70,7 @@ Json Setup(const Scene& scene, const SolveOptions& options, std::int64_t leg) {
           {"tolerance", options.relative_tolerance},
           {"absolute_tolerance", options.absolute_tolerance},
           {"zero_pressure", options.vanishing_tolerance},
+          {"precision", PrecisionName(scene.energy.precision)},
           {"leg", leg}};
 }
 
@@ -132,7 +134,9 @@ int Main() {
               scene.energy.alpha,
               scene.energy.alpha,
               scene.energy.stiffness);
-  std::printf("          method %s\n", scene.solver->name().c_str());
+  std::printf("          method %s, precision %s\n",
+              scene.solver->name().c_str(),
+              PrecisionName(scene.energy.precision));
   if (packing.size() >= kManyGrains) {
     std::printf("          about %.1f GB of memory, and what factors take\n",
                 1e-9 * EstimatedBytes(packing));
@@ -215,6 +219,7 @@ int Main() {
     const auto energy =
         ContactEnergy::Create(result.packing, scene.energy, &error);
     if (energy == nullptr) BadInput(error);
+    energy->Refine();
     const std::vector<double> zero(energy->NumParameters(), 0.0);
     std::vector<double> gradient(zero.size());
     double value;
@@ -233,6 +238,7 @@ int Main() {
   json["force_error"] = force_error;
   json["alpha"] = scene.energy.alpha;
   json["k"] = scene.energy.stiffness;
+  json["precision"] = PrecisionName(scene.energy.precision);
   json["dimension"] = d;
   json["particles"] = result.packing.size();
   json["schema"] = "granopt/relax/1";

@@ -25,6 +25,11 @@ DEFINE_double(alpha,
               2.0,
               "exponent of the contact energy k delta^alpha / alpha, >= 2; "
               "default: the input's own alpha, else 2");
+DEFINE_string(precision,
+              "double",
+              "of gaps and directions of contacts: double; mixed (single until "
+              "max|g| < 3.6e-6 mean contact forces, then double); float "
+              "(single, for --tolerance >= 1e-5)");
 DEFINE_double(tolerance,
               1e-10,
               "stop at max|g| <= tolerance * mean contact force");
@@ -101,6 +106,17 @@ Scene MakeScene(double phi, std::uint64_t seed) {
   scene.energy.stiffness = attribute("k", 1.0);
   if (!(scene.energy.alpha >= 2.0 && scene.energy.alpha <= 100.0)) {
     BadInput(Format("--alpha=%g must be in [2, 100]", scene.energy.alpha));
+  }
+  bool is_known = false;
+  for (const Precision precision :
+       {Precision::DOUBLE, Precision::MIXED, Precision::FLOAT}) {
+    if (FLAGS_precision != PrecisionName(precision)) continue;
+    scene.energy.precision = precision;
+    is_known = true;
+  }
+  if (!is_known) {
+    BadInput("--precision=" + FLAGS_precision +
+             " must be double, mixed or float");
   }
   CheckScene(scene);
   return scene;

@@ -7,6 +7,7 @@
 
 #include "granular/network_preconditioner.h"
 #include "granular/pair_blocks.h"
+#include "solvers/power_of_two.h"
 
 namespace granopt {
 namespace {
@@ -19,6 +20,13 @@ namespace {
 // reference. Near jamming the error of a gap is then still below 1e-14 mean
 // overlaps; where overlaps are comparable with radii it reaches 2e-13.
 constexpr double kRecenterOverlaps = 10.0;
+
+// In single precision this leaves an error of some eps32 mean overlaps.
+constexpr double kRecenterOverlapsSingle = 4.0;
+
+constexpr double kEpsilonSingle = std::numeric_limits<float>::epsilon();
+// Mixed precision ends where the gradient is so many of its mean contact force.
+constexpr double kRefineBelow = 30.0 * kEpsilonSingle;
 
 // The skin lies between these multiples of the smallest radius and is adapted
 // by counts: a list should serve between the two numbers of evaluations.
@@ -41,6 +49,18 @@ constexpr double kMaxCells = 1e6;
 
 }  // namespace
 
+const char* PrecisionName(Precision precision) {
+  switch (precision) {
+    case Precision::DOUBLE:
+      return "double";
+    case Precision::MIXED:
+      return "mixed";
+    case Precision::FLOAT:
+      return "float";
+  }
+  return "unknown";
+}
+
 ContactEnergy::ContactEnergy(const Packing& packing,
                              const ContactEnergyOptions& options)
     : options_(options),
@@ -53,7 +73,9 @@ ContactEnergy::ContactEnergy(const Packing& packing,
       u_reference_(NumParameters(), 0.0),
       workspace_(NumParameters(), 0.0),
       u_list_(NumParameters(), 0.0),
-      skin_(kMinSkin * min_radius_) {}
+      skin_(kMinSkin * min_radius_),
+      is_single_(options.precision != Precision::DOUBLE),
+      single_unit_(PowerOfTwo(mean_radius_)) {}
 
 std::unique_ptr<ContactEnergy> ContactEnergy::Create(
     const Packing& packing,
@@ -109,10 +131,8 @@ bool ContactEnergy::BuildList(const double* u, std::string* error) const {
   };
   // A search takes as much memory as the arrays of the old list, which are
   // needed again only if it is refused.
-  for (std::vector<double>* array :
-       {&r0_[0], &r0_[1], &r0_[2], &d0_, &delta0_, &pair_stiffness_}) {
-    std::vector<double>().swap(*array);
-  }
+  reference_ = {};
+  single_reference_ = {};
   bool found = build();
   if (!found && skin_ > kMinSkin * min_radius_) {
     // A cell that is too short for a wide skin may do for the narrowest.
@@ -151,55 +171,87 @@ void ContactEnergy::SetPairs() const {
       }
     }
   }
-  SetReferencePairs();
+  RenewReferencePairs();
 }
 
-void ContactEnergy::SetReferencePairs() const {
+void ContactEnergy::RenewReferencePairs() const {
+  reference_.is_current = false;
+  single_reference_.is_current = false;
+  SetReferencePairs(is_single_);
+}
+
+void ContactEnergy::SetReferencePairs(bool single) const {
   const int d = dimension_;
   const std::size_t m = list_.num_pairs() + kPairPadding;
-  for (int k = 0; k < d; ++k) r0_[k].assign(m, 1.0);
-  d0_.assign(m, 1.0);
-  delta0_.assign(m, -1.0);
-  // A positive d0 keeps the kernel's quotients in range where centres coincide;
-  // so many powers of two below the radii it is not seen otherwise.
-  const double least_distance = std::ldexp(1.0, std::ilogb(min_radius_) - 300);
   std::vector<DoubleDouble> x(NumParameters());
   for (int i = 0; i < num_grains_; ++i) {
     for (int k = 0; k < d; ++k) {
       x[d * i + k] = packing_.Position(i, k) + u_reference_[d * i + k];
     }
   }
-  for (int i = 0; i < num_grains_; ++i) {
-    for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
-      const int j = list_.j[p];
-      DoubleDouble square;
-      for (int k = 0; k < d; ++k) {
-        DoubleDouble r = x[d * i + k] - x[d * j + k];
-        for (int c = 0; c < d; ++c) {
-          const int n = list_.image[p][c];
-          if (n != 0) r = r + TwoProduct(n, packing_.box.edges()(k, c));
+  const auto set = [&](auto* pairs, const auto& rounded, int exponent) {
+    for (int k = 0; k < d; ++k) pairs->r0[k].assign(m, 1);
+    pairs->d0.assign(m, 1);
+    pairs->delta0.assign(m, -1);
+    pairs->is_current = true;
+    // A positive d0 keeps the kernel's quotients in range where centres
+    // coincide; so many powers of two below the radii it is not seen otherwise.
+    const double least_distance =
+        std::ldexp(1.0, std::ilogb(min_radius_) + exponent);
+    for (int i = 0; i < num_grains_; ++i) {
+      for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
+        const int j = list_.j[p];
+        DoubleDouble square;
+        for (int k = 0; k < d; ++k) {
+          DoubleDouble r = x[d * i + k] - x[d * j + k];
+          for (int c = 0; c < d; ++c) {
+            const int n = list_.image[p][c];
+            if (n != 0) r = r + TwoProduct(n, packing_.box.edges()(k, c));
+          }
+          pairs->r0[k][p] = rounded(r.hi);
+          square = square + r * r;
         }
-        r0_[k][p] = r.hi;
-        square = square + r * r;
+        const DoubleDouble distance = Sqrt(square);
+        pairs->d0[p] = rounded(std::max(distance.hi, least_distance));
+        pairs->delta0[p] = rounded(
+            (TwoSum(packing_.radii[i], packing_.radii[j]) - distance).Value());
       }
-      const DoubleDouble distance = Sqrt(square);
-      d0_[p] = std::max(distance.hi, least_distance);
-      delta0_[p] =
-          (TwoSum(packing_.radii[i], packing_.radii[j]) - distance).Value();
     }
+  };
+  if (single) {
+    single_workspace_.resize(NumParameters());
+    set(
+        &single_reference_,
+        [unit = single_unit_](double v) {
+          return static_cast<float>(v / unit);
+        },
+        -40);
+  } else {
+    set(
+        &reference_, [](double v) { return v; }, -300);
   }
 }
 
-PairView ContactEnergy::View() const {
+PairView ContactEnergy::View(bool single) const {
+  if (!(single ? single_reference_.is_current : reference_.is_current)) {
+    SetReferencePairs(single);
+  }
   PairView view;
   view.num_grains = num_grains_;
   view.num_pairs = list_.num_pairs();
   view.has_self_pairs = has_self_pairs_;
   view.i = pair_i_.data();
   view.j = pair_j_.data();
-  for (int k = 0; k < dimension_; ++k) view.r0[k] = r0_[k].data();
-  view.d0 = d0_.data();
-  view.delta0 = delta0_.data();
+  for (int k = 0; k < dimension_; ++k) {
+    view.r0[k] = reference_.r0[k].data();
+    view.single.r0[k] = single_reference_.r0[k].data();
+  }
+  view.d0 = reference_.d0.data();
+  view.delta0 = reference_.delta0.data();
+  view.single.d0 = single_reference_.d0.data();
+  view.single.delta0 = single_reference_.delta0.data();
+  view.single.unit = single_unit_;
+  view.single.w = single_workspace_.data();
   view.stiffness = pair_stiffness_.empty() ? nullptr : pair_stiffness_.data();
   return view;
 }
@@ -244,8 +296,9 @@ bool ContactEnergy::EvaluateWithScales(const double* u,
                                        double* gradient,
                                        Scales* scales) const {
   if (!Prepare(u)) return false;
+  const PairSweep sweep = is_single_ ? loops_.single_sweep : loops_.sweep;
   const ContactSums sums =
-      loops_.sweep(View(), options_.alpha, workspace_.data(), gradient);
+      sweep(View(is_single_), options_.alpha, workspace_.data(), gradient);
   *energy = sums.energy;
   if (sums.contacts > 0) {
     last_overlap_ = sums.overlap / static_cast<double>(sums.contacts);
@@ -253,6 +306,11 @@ bool ContactEnergy::EvaluateWithScales(const double* u,
     last_overlap_ = 0.0;
   }
   if (scales != nullptr) {
+    *scales = Scales();
+    if (is_single_) scales->epsilon = kEpsilonSingle;
+    if (is_single_ && options_.precision == Precision::MIXED) {
+      scales->refine_below = kRefineBelow;
+    }
     scales->length = last_overlap_ / (options_.alpha - 1.0);
     scales->gradient = sums.contacts > 0
                            ? sums.force / static_cast<double>(sums.contacts)
@@ -271,15 +329,16 @@ bool ContactEnergy::EvaluateWithScales(const double* u,
 bool ContactEnergy::Recenter(const double* u) {
   // A first look without a pass over u: how far the last point that was
   // evaluated had moved, which is u or near it.
-  const auto is_far = [this](double moved) {
-    return last_overlap_ != 0.0 && moved > kRecenterOverlaps * last_overlap_;
+  const double most = is_single_ ? kRecenterOverlapsSingle : kRecenterOverlaps;
+  const auto is_far = [this, most](double moved) {
+    return last_overlap_ != 0.0 && moved > most * last_overlap_;
   };
   if (!is_far(moved_.from_reference)) return false;
   const Displacement moved = loops_.displace(
       NumParameters(), u, u_reference_.data(), u, workspace_.data());
   if (!moved.is_finite || !is_far(moved.from_reference)) return false;
   std::copy(u, u + NumParameters(), u_reference_.begin());
-  SetReferencePairs();
+  RenewReferencePairs();
   return true;
 }
 
@@ -294,8 +353,20 @@ bool ContactEnergy::Rebase(double* u) {
     u_reference_[v] = 0.0;
     u[v] = 0.0;
   }
-  SetReferencePairs();
+  RenewReferencePairs();
   return true;
+}
+
+bool ContactEnergy::Refine() {
+  return options_.precision == Precision::MIXED && UseDouble();
+}
+
+bool ContactEnergy::UseDouble() {
+  const bool was_single = is_single_;
+  is_single_ = false;
+  single_reference_ = {};
+  single_workspace_ = {};
+  return was_single;
 }
 
 bool ContactEnergy::HessianTimes(const double* u,

@@ -22,12 +22,29 @@ enum class StiffnessRule {
   GEOMETRIC,  // sqrt(k_i k_j)
 };
 
+// Of gaps and directions in EvaluateWithScales(). Variables, laws, forces and
+// sums are double whatever it is, and so is all of second order: Hessians, gaps
+// and contacts.
+enum class Precision {
+  DOUBLE,
+  // Single until max|g| < 30 eps32 times the mean contact force (3.6e-6 of it),
+  // then double for good: methods call Refine() there.
+  MIXED,
+  // Single throughout: forces are off by some eps32 mean forces, and tolerances
+  // near 1e-6 or below are out of reach.
+  FLOAT,
+};
+
+// "double", "mixed", "float".
+const char* PrecisionName(Precision precision);
+
 struct ContactEnergyOptions {
   // Exponent of the law, >= 2 (4).
   double alpha = 2.0;
   // Multiplies every k_ij.
   double stiffness = 1.0;
   StiffnessRule rule = StiffnessRule::MEAN;
+  Precision precision = Precision::DOUBLE;
 };
 
 // A pair of grains that touch.
@@ -72,6 +89,7 @@ class ContactEnergy : public UnilateralFunction {
                           Scales* scales) const override;
   bool Recenter(const double* u) override;
   bool Rebase(double* u) override;
+  bool Refine() override;
 
   // SecondOrderFunction. The pattern holds every pair that touches or is nearly
   // in touch; it is kept until a pair outside of it touches.
@@ -100,6 +118,9 @@ class ContactEnergy : public UnilateralFunction {
                    double* stiffness) const override;
   bool EvaluateGaps(const double* u, Gaps* gaps) const override;
 
+  // Leaves single precision, whatever the options say. False if it is left.
+  bool UseDouble();
+
   // The packing at displacement u, not wrapped, positions rounded to
   // double-double once.
   Packing Configuration(const double* u) const;
@@ -120,10 +141,12 @@ class ContactEnergy : public UnilateralFunction {
   bool Prepare(const double* u) const;
   bool HasLeftSkin(const double* u, double usable) const;
   bool BuildList(const double* u, std::string* error) const;
-  // The arrays of PairView for the list as it is; those that depend on the
-  // reference.
+  // The arrays of PairView for the list as it is.
   void SetPairs() const;
-  void SetReferencePairs() const;
+  // Those that depend on the reference, of the precision in use; those of the
+  // other are made when asked for.
+  void RenewReferencePairs() const;
+  void SetReferencePairs(bool single) const;
   // states_ of all pairs at workspace_.
   void UpdateStates() const;
   // Makes the Hessian's pattern anew if a pair outside of it has a weight.
@@ -132,7 +155,7 @@ class ContactEnergy : public UnilateralFunction {
                    const double* second,
                    double theta,
                    SparseMatrix* hessian) const;
-  PairView View() const;
+  PairView View(bool single = false) const;
   double PairStiffness(int i, int j) const;
 
   const ContactEnergyOptions options_;
@@ -154,7 +177,16 @@ class ContactEnergy : public UnilateralFunction {
   // The arrays of PairView, with their padding.
   mutable bool has_self_pairs_ = false;
   mutable std::vector<int> pair_i_, pair_j_;
-  mutable std::vector<double> r0_[3], d0_, delta0_;
+  template <typename T>
+  struct ReferencePairs {
+    bool is_current = false;
+    std::vector<T> r0[3], d0, delta0;
+  };
+  bool is_single_;  // is the sweep?
+  double single_unit_ = 1.0;
+  mutable ReferencePairs<double> reference_;
+  mutable ReferencePairs<float> single_reference_;
+  mutable std::vector<float> single_workspace_;
   mutable std::vector<double> pair_stiffness_;  // empty: all 1
   mutable PairStates states_;
   mutable std::vector<double> states_memory_;

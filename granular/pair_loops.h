@@ -12,6 +12,17 @@ namespace granopt {
 // worked on at a time: grains 0 and 0 with r0 = d0 = 1 and delta0 = -1.
 constexpr int kPairPadding = 8;
 
+// r0, d0 and delta0 of PairView divided by `unit`, a power of two near the
+// radii (squares of lengths must be far from the ends of float's range), and
+// rounded once more.
+struct SinglePairs {
+  const float* r0[3] = {};
+  const float* d0 = nullptr;
+  const float* delta0 = nullptr;
+  double unit = 1.0;
+  float* w = nullptr;  // d entries a grain to work in
+};
+
 // Pairs in increasing order of (i, j), at the reference configuration:
 // separation r0 = x_i - x_j + H image, its length d0 > 0 and the overlap
 // delta0 = r_i + r_j - d0, each rounded once from double-double. `stiffness`
@@ -26,6 +37,7 @@ struct PairView {
   const double* d0 = nullptr;
   const double* delta0 = nullptr;
   const double* stiffness = nullptr;
+  SinglePairs single;  // for PairLoops::single_sweep, which reads no other
 };
 
 struct ContactSums {
@@ -83,6 +95,10 @@ using ApplyLaw = void (*)(
 
 struct PairLoops {
   PairSweep sweep = nullptr;
+  // With w rounded to float, gaps and directions are found in single precision:
+  // the error of a gap is about eps32 (|w_i| + |w_j| + delta0). The law, forces
+  // and sums are in double, and the guarantees are the same.
+  PairSweep single_sweep = nullptr;
   FindStates states = nullptr;
   ApplyLaw law = nullptr;
   Displace displace = nullptr;

@@ -1,6 +1,7 @@
 #include "granular/relaxation.h"
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -10,6 +11,39 @@
 #include "solvers/solver_sequence.h"
 
 namespace granopt {
+namespace {
+
+// Puts numbers in double precision in place of those of a run that ended in
+// single precision, which may turn out not to have converged.
+void JudgeInDouble(const ContactEnergy& energy,
+                   const double* u,
+                   Summary* summary) {
+  std::vector<double> gradient(energy.NumParameters());
+  Scales scales;
+  if (!energy.EvaluateWithScales(u, &summary->cost, gradient.data(), &scales)) {
+    return;
+  }
+  const double before = summary->max_gradient;
+  summary->scales = scales;
+  summary->max_gradient = 0.0;
+  for (const double g : gradient) {
+    summary->max_gradient = std::max(summary->max_gradient, std::abs(g));
+  }
+  const bool is_worse = summary->reason == StopReason::CONVERGED &&
+                        !(summary->max_gradient <= summary->tolerance);
+  if (is_worse) summary->reason = StopReason::NO_PROGRESS;
+  if (summary->reason != StopReason::NO_PROGRESS) return;
+  summary->message =
+      Format(
+          "|g| = %.2e > %.2e in double precision, %.2e in single precision, "
+          "where the run ended (--precision=mixed goes on): ",
+          summary->max_gradient,
+          summary->tolerance,
+          before) +
+      summary->message;
+}
+
+}  // namespace
 
 bool Relax(const Packing& start,
            const ContactEnergyOptions& energy_options,
@@ -61,7 +95,11 @@ bool RelaxInLegs(const ContactEnergyOptions& energy_options,
             state->packing, energy_options, solver, options, result, error)) {
       return false;
     }
-    const bool has_moved = result->summary.cost < result->summary.initial_cost;
+    const bool has_moved =
+        result->packing.positions != state->packing.positions ||
+        result->packing.positions_low.size() !=
+            state->packing.positions_low.size() ||
+        result->packing.positions_low != state->packing.positions_low;
     if (state->legs > 0) {
       result->summary = Joined(done, std::move(result->summary));
       result->summary.message =
@@ -89,8 +127,9 @@ bool RelaxInLegs(const ContactEnergyOptions& energy_options,
 
 Relaxation Conclude(Summary summary, const double* u, ContactEnergy* energy) {
   Relaxation relaxation;
-  relaxation.summary = std::move(summary);
   energy->Recenter(u);
+  if (energy->UseDouble()) JudgeInDouble(*energy, u, &summary);
+  relaxation.summary = std::move(summary);
   relaxation.packing = energy->Configuration(u);
   relaxation.contacts = energy->Contacts(u);
   // Images are those of the wrapped grains.

@@ -60,7 +60,9 @@ bool RelaxInLegs(const ContactEnergyOptions& energy_options,
                  std::string* error);
 
 // The second half of Relax(), for those who call Minimize() themselves: what is
-// measured at the point `u` that it ended with. Recenters `energy` there.
+// measured at the point `u` that it ended with. Recenters `energy` there and
+// leaves it in double precision: the summary of a run that ended in single
+// precision gets the residual in double, and NO_PROGRESS if that is too large.
 Relaxation Conclude(Summary summary, const double* u, ContactEnergy* energy);
 
 }  // namespace granopt

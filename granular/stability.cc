@@ -383,8 +383,10 @@ Certificate Certify(const ContactEnergy& original,
   // A list of its own: it holds every gap up to its skin.
   std::string error;
   const Packing packing = original.Configuration(u);
+  ContactEnergyOptions law = original.options();
+  law.precision = Precision::DOUBLE;
   const std::unique_ptr<ContactEnergy> energy =
-      ContactEnergy::Create(packing, original.options(), &error);
+      ContactEnergy::Create(packing, law, &error);
   if (energy == nullptr) return conclude(StabilityVerdict::FAILED, error);
   const std::vector<double> zero(energy->NumParameters(), 0.0);
   double value = 0.0;

@@ -9,6 +9,7 @@
 #include "ceres/gradient_problem.h"
 #include "ceres/iteration_callback.h"
 #include "ceres/version.h"
+#include "solvers/line_search.h"
 #include "solvers/monitor.h"
 #include "solvers/power_of_two.h"
 #include "solvers/quiet_log.h"
@@ -30,10 +31,6 @@ struct Anchor {
   double cost = 0.0;
   double told = 0.0;
 };
-
-// Below this change of the cost relative to the cost, a difference of two costs
-// has lost more than half of its digits.
-constexpr double kLostDifference = 1e-8;
 
 // C f(L y), counted by the monitor; with an anchor, C (f(L y) - f(start)), see
 // `differences` in the header.
@@ -57,13 +54,15 @@ class ScaledFunction : public ceres::FirstOrderFunction {
     if (!monitor_->EvaluateCached(x_.data(), cost, &g, &scales)) return false;
     if (anchor_ != nullptr) {
       double change = *cost - anchor_->cost;
-      if (std::abs(change) <= kLostDifference * std::abs(anchor_->cost)) {
+      const double lost =
+          LostDifference(scales.epsilon) * std::abs(anchor_->cost);
+      if (std::abs(change) <= lost) {
         double rule = 0.0;
         for (int i = 0; i < n; ++i) {
           rule += 0.5 * (anchor_->gradient[i] + g[i]) * (x_[i] - anchor_->x[i]);
         }
         // Not small itself: the two points are equal in cost, but not near.
-        if (std::abs(rule) <= 2.0 * kLostDifference * std::abs(anchor_->cost)) {
+        if (std::abs(rule) <= 2.0 * lost) {
           change = rule;
         }
       }
@@ -277,6 +276,7 @@ Summary CeresLineSearch::Minimize(FirstOrderFunction* function,
           monitor.FailEvaluation();
           return monitor.Finish(x);
         }
+        if (monitor.Refine(x)) break;
         // A fresh history helps only while it still gains something.
         if (restarts_left == 0 || residual > 0.5 * residual_before) {
           monitor.GiveUp("Ceres: " + ceres_summary.message);

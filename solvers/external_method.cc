@@ -183,12 +183,14 @@ Summary ExternalMethod::Minimize(FirstOrderFunction* function,
         problem.interruption_ == Interruption::LOST) {
       // A fresh history helps only while it still gains something.
       const double residual = monitor.max_gradient();
-      if (restarts_left == 0 || residual > 0.5 * residual_before) {
-        monitor.GiveUp(std::string(library()) + ": " + words);
-        break;
+      if (!monitor.Refine(x)) {
+        if (restarts_left == 0 || residual > 0.5 * residual_before) {
+          monitor.GiveUp(std::string(library()) + ": " + words);
+          break;
+        }
+        --restarts_left;
+        residual_before = residual;
       }
-      --restarts_left;
-      residual_before = residual;
     }
     ++monitor.counters().restarts;
     monitor.Recenter(x);

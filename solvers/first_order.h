@@ -23,6 +23,12 @@ struct Scales {
   // the function counts as zero. Infinity for functions whose minimum is not
   // known to be zero.
   double vanishing = std::numeric_limits<double>::infinity();
+  // Relative error of the function's values and of the terms of its gradient.
+  double epsilon = std::numeric_limits<double>::epsilon();
+  // Refine() makes that smaller, and is worth its price once
+  //   max|g| < refine_below * gradient.
+  // 0 where it does nothing.
+  double refine_below = 0.0;
 };
 
 // A function R^n -> R with a gradient, which Ceres' GradientProblemSolver takes
@@ -64,6 +70,10 @@ class FirstOrderFunction : public ceres::FirstOrderFunction {
     (void)x;
     return false;
   }
+
+  // From now on values are as precise as the function can make them. Cached
+  // values are not valid any more. Returns false if they have been so before.
+  virtual bool Refine() { return false; }
 };
 
 }  // namespace granopt

@@ -6,8 +6,6 @@
 namespace granopt {
 namespace {
 
-// A difference of two values below this part of them has lost half its digits.
-constexpr double kLostDifference = 1e-8;
 // Without an upper end a trial goes on by a factor between these.
 constexpr double kMinExpansion = 1.5;
 constexpr double kMaxExpansion = 10.0;
@@ -20,9 +18,13 @@ constexpr double kResolution = 1e-14;
 
 }  // namespace
 
-double LineChange(const LinePoint& start, const LinePoint& p) {
+double LostDifference(double epsilon) {
+  return 1e-8 * std::sqrt(epsilon / std::numeric_limits<double>::epsilon());
+}
+
+double LineChange(const LinePoint& start, const LinePoint& p, double epsilon) {
   const double change = p.value - start.value;
-  const double lost = kLostDifference * std::abs(start.value);
+  const double lost = LostDifference(epsilon) * std::abs(start.value);
   if (std::abs(change) > lost) return change;
   const double rule = 0.5 * (p.step - start.step) * (start.slope + p.slope);
   // A rule that is not small itself: the values agree, but not because the
@@ -61,7 +63,7 @@ LineSearchResult SearchLine(const LineFunction& evaluate,
       has_high = true;
       high_is_finite = false;
     } else {
-      const bool decreases = LineChange(start, p) <=
+      const bool decreases = LineChange(start, p, options.epsilon) <=
                              options.sufficient_decrease * step * start.slope;
       if (decreases &&
           std::abs(p.slope) <= options.curvature * std::abs(start.slope)) {
@@ -76,7 +78,8 @@ LineSearchResult SearchLine(const LineFunction& evaluate,
         high_is_finite = true;
         // A point that slopes up and still has decrease is worth keeping: if
         // the search ends early it is the better end.
-        if (decreases && LineChange(low, p) < 0.0) result.point = p;
+        if (decreases && LineChange(low, p, options.epsilon) < 0.0)
+          result.point = p;
       } else {
         before = low;
         low = p;
@@ -108,7 +111,8 @@ LineSearchResult SearchLine(const LineFunction& evaluate,
     } else {
       // The value is too high though the slope is not: the minimum of the
       // parabola through both values and the lower slope.
-      const double excess = LineChange(low, high) - low.slope * now;
+      const double excess =
+          LineChange(low, high, options.epsilon) - low.slope * now;
       part = excess > 0.0 ? -0.5 * low.slope * now / excess : 0.5;
     }
     step = low.step + std::clamp(part, kMargin, 1.0 - kMargin) * now;

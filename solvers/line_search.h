@@ -4,6 +4,7 @@
 #define GRANOPT_SOLVERS_LINE_SEARCH_H_
 
 #include <functional>
+#include <limits>
 
 namespace granopt {
 
@@ -19,7 +20,13 @@ struct LineSearchOptions {
   double sufficient_decrease = 1e-4;
   double curvature = 0.9;
   int max_trials = 40;
+  // Relative error of values, Scales::epsilon.
+  double epsilon = std::numeric_limits<double>::epsilon();
 };
+
+// The part of a value below which a change of it has lost half of its digits:
+// 1e-8 for doubles, and as the square root of `epsilon`.
+double LostDifference(double epsilon);
 
 enum class LineSearchEnd {
   WOLFE,     // both conditions hold
@@ -41,10 +48,12 @@ enum class LineEvaluation { OK, NOT_FINITE, STOP };
 using LineFunction = std::function<LineEvaluation(double step, LinePoint*)>;
 
 // phi(p) - phi(start), by subtraction, or where that has lost half of its
-// digits (1e-8 of the value) by the trapezoidal rule
+// digits by the trapezoidal rule
 //   (p.step - start.step) (phi'(start) + phi'(p)) / 2,
 // which needs slopes alone and is exact for a quadratic.
-double LineChange(const LinePoint& start, const LinePoint& p);
+double LineChange(const LinePoint& start,
+                  const LinePoint& p,
+                  double epsilon = std::numeric_limits<double>::epsilon());
 
 // Finds a point of the strong Wolfe conditions
 //   change(a) <= c1 a phi'(0),   |phi'(a)| <= c2 |phi'(0)|

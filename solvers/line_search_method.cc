@@ -47,6 +47,15 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
         {x.data(), cost, g.data(), scales}, nullptr, &monitor);
     solve(g.data(), z_own.data());
   }
+  // After a rebase.
+  const auto refresh = [&]() {
+    if (!monitor.Evaluate(x.data(), &cost, g.data(), &scales)) {
+      monitor.FailEvaluation();
+      return false;
+    }
+    if (preconditioned) solve(g.data(), z_own.data());
+    return true;
+  };
   bool is_fresh = true;  // nothing is known but the gradient
 
   while (!monitor.stopped()) {
@@ -75,6 +84,8 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
         std::equal(x.data(), x.data() + n, search.x.data())) {
       if (monitor.LastEvaluationFailed()) {
         monitor.FailEvaluation();
+      } else if (monitor.Refine(x.data())) {
+        if (!refresh()) break;
       } else if (is_fresh) {
         monitor.GiveUp("no step along the steepest descent lowers the cost");
       } else {
@@ -110,13 +121,7 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
       }
     }
     monitor.Recenter(x.data());
-    if (monitor.WantsRebase() && monitor.Rebase(x.data())) {
-      if (!monitor.Evaluate(x.data(), &cost, g.data(), &scales)) {
-        monitor.FailEvaluation();
-        break;
-      }
-      if (preconditioned) solve(g.data(), z_own.data());
-    }
+    if (monitor.WantsRebase() && monitor.Rebase(x.data()) && !refresh()) break;
   }
   return monitor.Finish(x_out);
 }

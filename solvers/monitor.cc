@@ -14,21 +14,24 @@
 namespace granopt {
 namespace {
 
-// Costs that agree to 1e-10 are told apart by their gradients: the relative
-// roundoff of a sum of n positive terms is far below that, and no method gains
-// more than that by staying at the point of larger gradient.
-constexpr double kCostRoundoff = 1e-10;
-
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-// Entries of a gradient are off by this part of its scale at most where the
-// function is evaluated with care; what has converged shall have so for a judge
-// of more digits, too.
-constexpr double kGradientRoundoff = 16.0 * kEpsilon;
+
+// Costs that agree to 1e-10, or so many Scales::epsilon, are told apart by
+// their gradients: the relative roundoff of a sum of n positive terms is far
+// below that, and no method gains more than that by staying at the point of
+// larger gradient.
+constexpr double kCostRoundoff = 1e-10;
+constexpr double kCostRoundoffs = 16.0;
+
+// Entries of a gradient are off by so many Scales::epsilon of its scale at most
+// where the function is evaluated with care; what has converged shall have so
+// for a judge of more digits, too.
+constexpr double kGradientRoundoff = 16.0;
 
 // A run has got all there is when it has found no better point in so many
 // iterations, and the gradient is so many rounding errors of its terms ...
 constexpr std::int64_t kPatienceAtRoundoff = 200;
-constexpr double kRoundoff = 20.0 * kEpsilon;
+constexpr double kRoundoff = 20.0;
 // ... or, whatever the gradient is, in so many.
 constexpr std::int64_t kPatience = 10000;
 
@@ -242,12 +245,17 @@ bool Monitor::EvaluateCached(const double* x,
   return true;
 }
 
+double Monitor::CostRoundoff() const {
+  return std::max(kCostRoundoff, kCostRoundoffs * last_scales_.epsilon) *
+         std::abs(least_cost_);
+}
+
 bool Monitor::IsAbove(double cost) const {
-  return cost > least_cost_ + kCostRoundoff * std::abs(least_cost_);
+  return cost > least_cost_ + CostRoundoff();
 }
 
 bool Monitor::IsBetter(double cost, double max_gradient) {
-  if (cost < least_cost_ - kCostRoundoff * std::abs(least_cost_)) return true;
+  if (cost < least_cost_ - CostRoundoff()) return true;
   return !IsAbove(cost) && max_gradient < best_max_gradient_;
 }
 
@@ -269,14 +277,16 @@ bool Monitor::Accept(const double* x,
     last_step_unit_ = unit > 0.0 && std::isfinite(unit) ? unit : 1.0;
   }
   if (!started_) initial_cost_ = cost;
-  if (!started_ || IsBetter(cost, max_gradient)) {
+  const bool is_first = !started_ || is_refined_;
+  is_refined_ = false;
+  if (is_first || IsBetter(cost, max_gradient)) {
     std::copy(x, x + n_, best_x_.begin());
     best_cost_ = cost;
     best_max_gradient_ = max_gradient;
     best_scales_ = scales;
     best_iteration_ = counters_.iterations;
   }
-  least_cost_ = started_ ? std::min(least_cost_, cost) : cost;
+  least_cost_ = is_first ? cost : std::min(least_cost_, cost);
   started_ = true;
   if (options_.record_trace) {
     trace_.push_back({counters_.iterations,
@@ -293,7 +303,8 @@ bool Monitor::Accept(const double* x,
   const double margin =
       options_.absolute_tolerance > 0.0
           ? 0.0
-          : std::min(kGradientRoundoff * scales.gradient, 0.1 * tolerance);
+          : std::min(kGradientRoundoff * scales.epsilon * scales.gradient,
+                     0.1 * tolerance);
   if (cost == 0.0 && max_gradient == 0.0) {
     Stop(StopReason::VANISHED,
          Format("cost = 0 exactly after %lld iterations", iterations));
@@ -334,7 +345,11 @@ bool Monitor::Accept(const double* x,
                iterations));
   } else if (!BudgetSpent()) {
     const std::int64_t since = counters_.iterations - best_iteration_;
-    if (since >= kPatienceAtRoundoff && best_max_gradient_ <= Roundoff()) {
+    const bool at_roundoff =
+        since >= kPatienceAtRoundoff && best_max_gradient_ <= Roundoff();
+    if ((at_roundoff || since >= kPatience) && scales.refine_below > 0.0) {
+      last_scales_.refine_below = std::numeric_limits<double>::infinity();
+    } else if (at_roundoff) {
       GiveUp(
           Format("none of the last %lld was better, and |g| is within its "
                  "roundoff, %.1e",
@@ -351,7 +366,8 @@ bool Monitor::Accept(const double* x,
 double Monitor::Roundoff() const {
   const Scales& s = last_scales_;
   if (!(s.gradient > 0.0 && s.length > 0.0)) return 0.0;
-  return kRoundoff * (s.gradient + last_max_x_ * (s.gradient / s.length));
+  return kRoundoff * (s.epsilon * s.gradient +
+                      kEpsilon * last_max_x_ * (s.gradient / s.length));
 }
 
 bool Monitor::BudgetSpent() {
@@ -424,10 +440,15 @@ void Monitor::Recenter(const double* x) {
   if (function_->Recenter(x)) ++counters_.recenters;
 }
 
+bool Monitor::WantsRefinement() const {
+  return last_max_gradient_ < last_scales_.refine_below * last_scales_.gradient;
+}
+
 bool Monitor::WantsRebase(double step) const {
   if (!can_rebase_ || !(last_scales_.gradient > 0.0)) return false;
   // Rebasing costs an evaluation.
   if (counters_.evaluations >= options_.max_evaluations) return false;
+  if (WantsRefinement()) return true;
   const double residual = last_max_gradient_ / last_scales_.gradient;
   return kEpsilon * last_max_x_ > 0.05 * step * residual * last_scales_.length;
 }
@@ -439,11 +460,22 @@ bool Monitor::Rebase(double* x) {
     return false;
   }
   ++counters_.rebases;
+  if (WantsRefinement() && function_->Refine()) {
+    is_refined_ = true;
+    last_scales_.epsilon = kEpsilon;
+    last_scales_.refine_below = 0.0;
+  }
   cache_valid_ = false;
   evaluated_ = {};
   last_max_x_ = 0.0;
   for (int i = 0; i < n_; ++i) best_x_[i] -= before[i];
   return true;
+}
+
+bool Monitor::Refine(double* x) {
+  if (stopped_ || last_scales_.refine_below == 0.0) return false;
+  last_scales_.refine_below = std::numeric_limits<double>::infinity();
+  return Rebase(x);
 }
 
 Summary Monitor::Finish(double* x) {

@@ -116,10 +116,15 @@ class Monitor {
   // True once the rounding of x itself is about to limit the run: at the last
   // accepted iterate
   //   eps * max|x| > 0.05 * step * (max|g| / Scales::gradient) * Scales::length
-  // for a method whose steps are `step` times a gradient in these units.
+  // for a method whose steps are `step` times a gradient in these units; or
+  // once the function is to be refined, Scales::refine_below.
   bool WantsRebase(double step = 1.0) const;
-  // Calls function->Rebase(x), counted; moves the best point along.
+  // Calls function->Rebase(x), counted; moves the best point along. Refines the
+  // function if that was wanted; the next point accepted is then the best one.
   bool Rebase(double* x);
+  // For a method that is about to give up: Rebase(x) if the function can still
+  // be refined, whatever the gradient.
+  bool Refine(double* x);
 
   bool stopped() const { return stopped_; }
   const Scales& scales() const { return last_scales_; }
@@ -131,7 +136,7 @@ class Monitor {
   double max_gradient() const { return last_max_gradient_; }
   double Tolerance(const Scales& scales) const;
   // 20 rounding errors of the gradient's terms at the last accepted iterate,
-  //   20 eps Scales::gradient (1 + max|x| / Scales::length).
+  //   20 Scales::gradient (Scales::epsilon + eps max|x| / Scales::length).
   // 0 where the function states no scales.
   double Roundoff() const;
   // Scales::length / Scales::gradient at the last accepted iterate: times a
@@ -147,6 +152,8 @@ class Monitor {
   void Stop(StopReason reason, std::string message);
   double Seconds() const;
   bool IsBetter(double cost, double max_gradient);
+  double CostRoundoff() const;
+  bool WantsRefinement() const;
 
   FirstOrderFunction* function_;
   const SolveOptions options_;
@@ -184,6 +191,7 @@ class Monitor {
   double last_step_unit_ = 1.0;  // where the function states no scales
   double last_max_x_ = 0.0;
   bool can_rebase_ = true;
+  bool is_refined_ = false;  // since the last accepted iterate
   Scales last_scales_;
 
   std::vector<double> best_x_;

@@ -30,8 +30,9 @@ LineSearchResult StepSearch::Search(const LineSearchOptions& options,
     *p = {step, cost, g.dot(d)};
     return LineEvaluation::OK;
   };
-  const LineSearchResult found =
-      SearchLine(evaluate, start, first_step, options);
+  LineSearchOptions here = options;
+  here.epsilon = monitor->scales().epsilon;
+  const LineSearchResult found = SearchLine(evaluate, start, first_step, here);
   if (found.point.step > 0.0 && !found.is_last) swap_kept();
   return found;
 }

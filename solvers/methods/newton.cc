@@ -307,8 +307,8 @@ LinePoint NewtonRun::Step(const SubproblemStep& step) {
     return start;
   }
   const LinePoint end{1.0, search_.cost, search_.g.dot(s_)};
-  return LineChange(start, end) <= kSufficientDecrease * step.change ? end
-                                                                     : start;
+  const double change = LineChange(start, end, monitor_.scales().epsilon);
+  return change <= kSufficientDecrease * step.change ? end : start;
 }
 
 void NewtonRun::UpdateRadius(double part, double norm, double ratio) {
@@ -380,6 +380,11 @@ Summary NewtonRun::Minimize(double* x_out) {
     const double norm = std::sqrt(step.norm2);
     // Neither is a step that rounding takes away.
     if (end.step == 0.0 || search_.x == x_) {
+      if (monitor_.Refine(x_.data())) {
+        if (monitor_.Evaluate(x_.data(), &cost_, g_.data(), &scales_)) continue;
+        monitor_.FailEvaluation();
+        break;
+      }
       if (method_.searches_ && monitor_.LastEvaluationFailed()) {
         monitor_.FailEvaluation();
         break;
@@ -396,7 +401,8 @@ Summary NewtonRun::Minimize(double* x_out) {
     retreats = 0;
     const double bend = 2.0 * (step.change - start.slope);
     const double predicted = end.step * (start.slope + 0.5 * end.step * bend);
-    UpdateRadius(end.step, norm, LineChange(start, end) / predicted);
+    const double change = LineChange(start, end, monitor_.scales().epsilon);
+    UpdateRadius(end.step, norm, change / predicted);
     if (direct_ != nullptr) direct_->Suggest(s_, radius_);
 
     moved = search_.x - x_;

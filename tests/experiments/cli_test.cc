@@ -154,6 +154,18 @@ TEST_F(Cli, ModesWithoutACertificateAreRefused) {
                 "--modes=-1 must be in [0, 1000]");
 }
 
+TEST_F(Cli, PrecisionIsOneOfThree) {
+  for (const char* binary : {"relax", "compare", "jamming"}) {
+    ExpectRefused(binary,
+                  "--particles=16 --precision=half --out=out",
+                  "--precision=half must be double, mixed or float");
+  }
+  EXPECT_EQ(Do("relax", "--smoke --precision=mixed --out=out").status, 0);
+  EXPECT_EQ(nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"))
+                .at("precision"),
+            "mixed");
+}
+
 TEST_F(Cli, RelaxFollowsItsInterface) {
   const Outcome run =
       Do("relax",

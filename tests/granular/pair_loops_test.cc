@@ -9,6 +9,7 @@
 #include "granular/neighbor_list.h"
 #include "gtest/gtest.h"
 #include "solvers/instruction_set.h"
+#include "solvers/power_of_two.h"
 #include "tests/granular/test_packings.h"
 
 namespace granopt {
@@ -39,6 +40,7 @@ struct Pairs {
   PairView view;
   std::vector<int> i, j;
   std::vector<double> r0[3], d0, delta0, stiffness;
+  std::vector<float> single_r0[3], single_d0, single_delta0, single_w;
 };
 
 // Of every pair nearer than `skin` mean radii; `stiff` gives each its own k.
@@ -83,6 +85,22 @@ void MakePairs(const Packing& packing, double skin, bool stiff, Pairs* pairs) {
   pairs->view.d0 = pairs->d0.data();
   pairs->view.delta0 = pairs->delta0.data();
   pairs->view.stiffness = stiff ? pairs->stiffness.data() : nullptr;
+  SinglePairs& single = pairs->view.single;
+  single.unit = PowerOfTwo(packing.MeanRadius());
+  const auto round = [&](const std::vector<double>& from,
+                         std::vector<float>* to) {
+    for (const double v : from) {
+      to->push_back(static_cast<float>(v / single.unit));
+    }
+    return to->data();
+  };
+  for (int c = 0; c < d; ++c) {
+    single.r0[c] = round(pairs->r0[c], &pairs->single_r0[c]);
+  }
+  pairs->single_w.assign(d * packing.size(), std::nanf(""));
+  single.w = pairs->single_w.data();
+  single.d0 = round(pairs->d0, &pairs->single_d0);
+  single.delta0 = round(pairs->delta0, &pairs->single_delta0);
 }
 
 struct Values {
@@ -90,16 +108,15 @@ struct Values {
   std::vector<double> gradient;
 };
 
-Values Evaluate(const PairLoops& loops,
+Values Evaluate(PairSweep sweep,
                 const Pairs& pairs,
                 int dimension,
                 double alpha,
                 const std::vector<double>& w) {
   Values values;
   values.gradient.assign(w.size(), std::nan(""));
-  values.sums =
-      loops.sweep(pairs.view, alpha, w.data(), values.gradient.data());
-  const ContactSums alone = loops.sweep(pairs.view, alpha, w.data(), nullptr);
+  values.sums = sweep(pairs.view, alpha, w.data(), values.gradient.data());
+  const ContactSums alone = sweep(pairs.view, alpha, w.data(), nullptr);
   EXPECT_EQ(alone.energy, values.sums.energy) << "without a gradient";
   EXPECT_EQ(values.gradient.size(),
             static_cast<std::size_t>(dimension * pairs.view.num_grains));
@@ -188,13 +205,20 @@ TEST(PairLoops, EveryInstructionSetHasTheSameBitsAndTheDefinition) {
           EXPECT_GT(wide.view.num_pairs, tight.view.num_pairs);
           EXPECT_EQ(tight.view.has_self_pairs, n == 3);
           const auto all = Runnable(d, alpha);
-          const Values first = Evaluate(all[0].loops, tight, d, alpha, w);
-          ExpectDefinition(first, tight, d, alpha, w);
-          for (const NamedLoops& set : all) {
-            SCOPED_TRACE(set.name);
-            ExpectSameBits(first, Evaluate(set.loops, tight, d, alpha, w));
-            // Open gaps do not count.
-            ExpectSameBits(first, Evaluate(set.loops, wide, d, alpha, w));
+          for (const PairSweep PairLoops::*sweep :
+               {&PairLoops::sweep, &PairLoops::single_sweep}) {
+            const Values first =
+                Evaluate(all[0].loops.*sweep, tight, d, alpha, w);
+            if (sweep == &PairLoops::sweep) {
+              ExpectDefinition(first, tight, d, alpha, w);
+            }
+            for (const NamedLoops& set : all) {
+              SCOPED_TRACE(set.name);
+              const PairSweep its = set.loops.*sweep;
+              ExpectSameBits(first, Evaluate(its, tight, d, alpha, w));
+              // Open gaps do not count.
+              ExpectSameBits(first, Evaluate(its, wide, d, alpha, w));
+            }
           }
         }
       }
@@ -247,7 +271,7 @@ TEST(PairLoops, StatesAndLawsHaveTheSameBitsAndMakeUpTheSums) {
           }
           EXPECT_NEAR(norm2, 1.0, 1e-14);
         }
-        const Values sums = Evaluate(all[0].loops, pairs, d, alpha, w);
+        const Values sums = Evaluate(all[0].loops.sweep, pairs, d, alpha, w);
         EXPECT_NEAR(force, sums.sums.force, 1e-13 * force);
         EXPECT_NEAR(overlap, sums.sums.overlap, 1e-13 * overlap);
         const std::vector<double> delta = {0.0, 0.01, 0.3};
