@@ -30,6 +30,8 @@
     plot.py finite_size SIZES.csv OUT [--dimension=2]
             [--fit=PHI,ERROR,C,ERROR,EXPONENT]
         mean phi_J against the number of grains, and PHI - C N^-EXPONENT
+    plot.py scaling SCALING.csv OUT
+        what a grain costs against the number of grains (experiments/scaling.sh)
     plot.py distributions FORCES.csv GAPS.csv DISTRIBUTIONS.csv OUT
         cumulative distributions of weak forces and small gaps
 
@@ -2229,6 +2231,55 @@ def FiniteSizeFigure(arguments):
   return figure
 
 
+def ScalingFigure(arguments):
+  path = arguments.table
+  table = ReadTable(path, ("particles", "method", "evaluations", "seconds",
+                           "energy_seconds", "peak_bytes"), words=("method",))
+  methods = Unique(table["method"])
+  if not methods:
+    raise InputError("%s: no rows" % path)
+  width, height = 12.6, 5.6
+  figure, axes = plt.subplots(
+      1, 2, figsize=(width, height),
+      gridspec_kw=dict(left=0.95 / width, right=1 - 0.3 / width, top=1 - 0.45 / height,
+                       bottom=1.4 / height, wspace=0.22))
+  method = np.array(table["method"])
+  colours = dict(zip(methods, (BLUE, VERMILION, GREEN, ORANGE, PURPLE)))
+  for name in methods:
+    k = np.nonzero(method == name)[0]
+    n = table["particles"][k]
+    work = 1e9 / (table["evaluations"][k] * n)
+    colour = colours[name]
+    axes[0].plot(n, table["seconds"][k] * work, color=colour, marker="o", linewidth=1.8,
+                 label="%s, an iteration" % name)
+    axes[0].plot(n, table["energy_seconds"][k] * work, color=colour, marker="o",
+                 markersize=4, linewidth=1.2, linestyle=(0, (4, 2)),
+                 label="of which the energy")
+    axes[1].plot(n, table["peak_bytes"][k] / n, color=colour, marker="o", linewidth=1.8,
+                 label=name)
+  axes[0].set_title("time", loc="left", pad=7)
+  axes[0].set_ylabel("ns a grain")
+  axes[0].set_ylim(0, None)
+  axes[0].legend(loc="upper left", frameon=False)
+  axes[1].set_title("memory of the process", loc="left", pad=7)
+  axes[1].set_ylabel("bytes a grain, at most")
+  axes[1].set_yscale("log")
+  axes[1].axhline(1000, color=GREY, linewidth=1.3, linestyle=(0, (5, 3)))
+  axes[1].set_yticks((1e3, 1e4), labels=("$10^3$", "$10^4$"))
+  axes[1].legend(loc="upper right", frameon=False)
+  for ax in axes:
+    ax.set_xscale("log")
+    ax.set_xlabel("grains  $N$")
+    ax.grid(True, color=PALE, linewidth=0.7)
+    ax.set_axisbelow(True)
+    ax.tick_params(which="both", top=True, right=True)
+  ReadingHelp(figure, "First-order methods on discs that still rearrange, with the lists of "
+              "neighbours that this needs. Small packings live in caches, large ones wait "
+              "for memory. Right: all that the process takes, libraries included; dashed: "
+              "a kilobyte a grain.", left=0.95)
+  return figure
+
+
 # Of DISTRIBUTIONS.csv: what a panel shows.
 QUANTITIES = (
     ("theta_localized", "weak forces of bucklers", r"$f\,/\,\langle f\rangle$",
@@ -2446,6 +2497,10 @@ def Arguments(words):
     if name == "finite_size":
       command.add_argument("--fit", default="")
     command.set_defaults(figure=figure)
+  command = commands.add_parser("scaling")
+  command.add_argument("table")
+  command.add_argument("out")
+  command.set_defaults(figure=ScalingFigure)
   command = commands.add_parser("distributions")
   command.add_argument("forces")
   command.add_argument("gaps")
