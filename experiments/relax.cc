@@ -4,7 +4,7 @@
 //         --alpha=2 --precision=double --solver=NAME[:key=value,...]
 //         --tolerance=1e-10
 //         --radius_factor=1 --simple_shear=0 --pure_shear=0 --perturb=0
-//         --out=DIR
+//         --out=DIR [--resume]
 //
 // Writes DIR/summary.json, DIR/packing.xyz, DIR/contacts.csv, DIR/trace.csv and
 // two figures; with --modes=K also modes.csv, modes.xyz and mode.svg, see
