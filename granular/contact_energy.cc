@@ -8,6 +8,7 @@
 #include "granular/network_preconditioner.h"
 #include "granular/pair_blocks.h"
 #include "solvers/power_of_two.h"
+#include "solvers/threads.h"
 
 namespace granopt {
 namespace {
@@ -131,8 +132,9 @@ bool ContactEnergy::BuildList(const double* u, std::string* error) const {
   };
   // A search takes as much memory as the arrays of the old list, which are
   // needed again only if it is refused.
-  reference_ = {};
-  single_reference_ = {};
+  pairs_.reference = {};
+  pairs_.single = {};
+  parts_.clear();
   bool found = build();
   if (!found && skin_ > kMinSkin * min_radius_) {
     // A cell that is too short for a wide skin may do for the narrowest.
@@ -154,20 +156,20 @@ void ContactEnergy::SetPairs() const {
     to->assign(from.size() + kPairPadding, 0);
     std::copy(from.begin(), from.end(), to->begin());
   };
-  pad(list_.i, &pair_i_);
-  pad(list_.j, &pair_j_);
+  pad(list_.i, &pairs_.i);
+  pad(list_.j, &pairs_.j);
   has_self_pairs_ = false;
   for (int p = 0; p < list_.num_pairs(); ++p) {
     has_self_pairs_ = has_self_pairs_ || list_.i[p] == list_.j[p];
   }
-  pair_stiffness_.clear();
+  pairs_.stiffness.clear();
   if (packing_.stiffness.size() > 0 || options_.stiffness != 1.0) {
-    pair_stiffness_.assign(list_.num_pairs() + kPairPadding, 1.0);
+    pairs_.stiffness.assign(list_.num_pairs() + kPairPadding, 1.0);
     for (int i = 0; i < num_grains_; ++i) {
       for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
-        pair_stiffness_[p] = packing_.stiffness.size() > 0
-                                 ? PairStiffness(i, list_.j[p])
-                                 : options_.stiffness;
+        pairs_.stiffness[p] = packing_.stiffness.size() > 0
+                                  ? PairStiffness(i, list_.j[p])
+                                  : options_.stiffness;
       }
     }
   }
@@ -175,8 +177,12 @@ void ContactEnergy::SetPairs() const {
 }
 
 void ContactEnergy::RenewReferencePairs() const {
-  reference_.is_current = false;
-  single_reference_.is_current = false;
+  pairs_.reference.is_current = false;
+  pairs_.single.is_current = false;
+  for (Part& part : parts_) {
+    part.shared.reference.is_current = false;
+    part.shared.single.is_current = false;
+  }
   SetReferencePairs(is_single_);
 }
 
@@ -184,11 +190,13 @@ void ContactEnergy::SetReferencePairs(bool single) const {
   const int d = dimension_;
   const std::size_t m = list_.num_pairs() + kPairPadding;
   std::vector<DoubleDouble> x(NumParameters());
-  for (int i = 0; i < num_grains_; ++i) {
-    for (int k = 0; k < d; ++k) {
-      x[d * i + k] = packing_.Position(i, k) + u_reference_[d * i + k];
+  ForPieces([&](int /*piece*/, int first, int end) {
+    for (int i = first; i < end; ++i) {
+      for (int k = 0; k < d; ++k) {
+        x[d * i + k] = packing_.Position(i, k) + u_reference_[d * i + k];
+      }
     }
-  }
+  });
   const auto set = [&](auto* pairs, const auto& rounded, int exponent) {
     for (int k = 0; k < d; ++k) pairs->r0[k].assign(m, 1);
     pairs->d0.assign(m, 1);
@@ -198,62 +206,234 @@ void ContactEnergy::SetReferencePairs(bool single) const {
     // coincide; so many powers of two below the radii it is not seen otherwise.
     const double least_distance =
         std::ldexp(1.0, std::ilogb(min_radius_) + exponent);
-    for (int i = 0; i < num_grains_; ++i) {
-      for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
-        const int j = list_.j[p];
-        DoubleDouble square;
-        for (int k = 0; k < d; ++k) {
-          DoubleDouble r = x[d * i + k] - x[d * j + k];
-          for (int c = 0; c < d; ++c) {
-            const int n = list_.image[p][c];
-            if (n != 0) r = r + TwoProduct(n, packing_.box.edges()(k, c));
+    ForPieces([&](int /*piece*/, int first, int end) {
+      for (int i = first; i < end; ++i) {
+        for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
+          const int j = list_.j[p];
+          DoubleDouble square;
+          for (int k = 0; k < d; ++k) {
+            DoubleDouble r = x[d * i + k] - x[d * j + k];
+            for (int c = 0; c < d; ++c) {
+              const int n = list_.image[p][c];
+              if (n != 0) r = r + TwoProduct(n, packing_.box.edges()(k, c));
+            }
+            pairs->r0[k][p] = rounded(r.hi);
+            square = square + r * r;
           }
-          pairs->r0[k][p] = rounded(r.hi);
-          square = square + r * r;
+          const DoubleDouble distance = Sqrt(square);
+          pairs->d0[p] = rounded(std::max(distance.hi, least_distance));
+          pairs->delta0[p] =
+              rounded((TwoSum(packing_.radii[i], packing_.radii[j]) - distance)
+                          .Value());
         }
-        const DoubleDouble distance = Sqrt(square);
-        pairs->d0[p] = rounded(std::max(distance.hi, least_distance));
-        pairs->delta0[p] = rounded(
-            (TwoSum(packing_.radii[i], packing_.radii[j]) - distance).Value());
       }
-    }
+    });
   };
   if (single) {
     single_workspace_.resize(NumParameters());
     set(
-        &single_reference_,
+        &pairs_.single,
         [unit = single_unit_](double v) {
           return static_cast<float>(v / unit);
         },
         -40);
   } else {
     set(
-        &reference_, [](double v) { return v; }, -300);
+        &pairs_.reference, [](double v) { return v; }, -300);
   }
 }
 
-PairView ContactEnergy::View(bool single) const {
-  if (!(single ? single_reference_.is_current : reference_.is_current)) {
-    SetReferencePairs(single);
-  }
+PairView ContactEnergy::View() const {
+  if (!pairs_.reference.is_current) SetReferencePairs(/*single=*/false);
+  PairView view = View(pairs_, 0, list_.num_pairs());
+  view.end_grain = num_grains_;
+  view.is_guarded = has_self_pairs_;
+  return view;
+}
+
+PairView ContactEnergy::View(const PairArrays& pairs,
+                             int first,
+                             int end) const {
   PairView view;
-  view.num_grains = num_grains_;
-  view.num_pairs = list_.num_pairs();
-  view.has_self_pairs = has_self_pairs_;
-  view.i = pair_i_.data();
-  view.j = pair_j_.data();
-  for (int k = 0; k < dimension_; ++k) {
-    view.r0[k] = reference_.r0[k].data();
-    view.single.r0[k] = single_reference_.r0[k].data();
-  }
-  view.d0 = reference_.d0.data();
-  view.delta0 = reference_.delta0.data();
-  view.single.d0 = single_reference_.d0.data();
-  view.single.delta0 = single_reference_.delta0.data();
+  view.num_pairs = end - first;
+  view.i = pairs.i.data() + first;
+  view.j = pairs.j.data() + first;
+  const auto set = [&](const auto& from, auto* to) {
+    if (!from.is_current) return;
+    for (int k = 0; k < dimension_; ++k) to->r0[k] = from.r0[k].data() + first;
+    to->d0 = from.d0.data() + first;
+    to->delta0 = from.delta0.data() + first;
+  };
+  set(pairs.reference, &view);
+  set(pairs.single, &view.single);
   view.single.unit = single_unit_;
   view.single.w = single_workspace_.data();
-  view.stiffness = pair_stiffness_.empty() ? nullptr : pair_stiffness_.data();
+  view.stiffness =
+      pairs.stiffness.empty() ? nullptr : pairs.stiffness.data() + first;
   return view;
+}
+
+int ContactEnergy::NumPieces() const {
+  return (num_grains_ + kPieceGrains - 1) / kPieceGrains;
+}
+
+template <typename Function>
+void ContactEnergy::ForPieces(const Function& f) const {
+  if (num_grains_ <= kPieceGrains) return f(0, 0, num_grains_);
+  ForEach(NumPieces(), [&](int k) {
+    f(k, k * kPieceGrains, std::min((k + 1) * kPieceGrains, num_grains_));
+  });
+}
+
+Displacement ContactEnergy::Displace(const double* u,
+                                     const double* u_list) const {
+  if (NumPieces() == 1) {
+    return loops_.displace(
+        NumParameters(), u, u_reference_.data(), u_list, workspace_.data());
+  }
+  std::vector<Displacement> all(NumPieces());
+  ForPieces([&](int piece, int first, int end) {
+    const int v = dimension_ * first;
+    all[piece] = loops_.displace(dimension_ * (end - first),
+                                 u + v,
+                                 u_reference_.data() + v,
+                                 u_list + v,
+                                 workspace_.data() + v);
+  });
+  Displacement most = all[0];
+  for (const Displacement& one : all) {
+    most.is_finite = most.is_finite && one.is_finite;
+    most.from_reference = std::max(most.from_reference, one.from_reference);
+    most.from_list = std::max(most.from_list, one.from_list);
+  }
+  return most;
+}
+
+void ContactEnergy::SetParts() const {
+  const int pieces = NumPieces();
+  const int count = std::min(NumThreads(), pieces);
+  if (parts_list_version_ != list_version_ ||
+      static_cast<int>(parts_.size()) != count) {
+    parts_list_version_ = list_version_;
+    parts_.assign(count, Part());
+    // As many pairs each as pieces allow, and at least one piece.
+    const auto row = [&](int piece) {
+      return list_.row_start[std::min(piece * kPieceGrains, num_grains_)];
+    };
+    int piece = 0;
+    for (int t = 0; t < count; ++t) {
+      parts_[t].first_piece = piece++;
+      const double until =
+          static_cast<double>(list_.num_pairs()) * (t + 1) / count;
+      while (piece < pieces - (count - 1 - t) &&
+             0.5 * (row(piece) + row(piece + 1)) < until) {
+        ++piece;
+      }
+      if (t == count - 1) piece = pieces;
+      parts_[t].end_piece = piece;
+    }
+    ForEach(count - 1, [&](int before) {
+      Part& part = parts_[before + 1];
+      const int first = part.first_piece * kPieceGrains;
+      const int end = part.end_piece * kPieceGrains;
+      for (int p = 0; p < row(part.first_piece); ++p) {
+        if (list_.j[p] >= first && list_.j[p] < end) {
+          part.shared_rank.push_back(p);
+        }
+      }
+    });
+  }
+  const auto copy = [](const auto& from,
+                       const std::vector<int>& rank,
+                       auto* to) {
+    to->resize(rank.size() + kPairPadding);
+    for (std::size_t s = 0; s < rank.size(); ++s) (*to)[s] = from[rank[s]];
+    // Padding is what the list has.
+    std::copy(from.end() - kPairPadding, from.end(), to->end() - kPairPadding);
+  };
+  ForEach(count, [&](int t) {
+    Part& part = parts_[t];
+    const auto refer = [&](const auto& from, auto* to) {
+      if (to->is_current) return;
+      for (int k = 0; k < dimension_; ++k) {
+        copy(from.r0[k], part.shared_rank, &to->r0[k]);
+      }
+      copy(from.d0, part.shared_rank, &to->d0);
+      copy(from.delta0, part.shared_rank, &to->delta0);
+      to->is_current = true;
+    };
+    if (part.shared_rank.empty()) return;
+    if (part.shared.i.empty()) {
+      copy(pairs_.i, part.shared_rank, &part.shared.i);
+      copy(pairs_.j, part.shared_rank, &part.shared.j);
+      if (!pairs_.stiffness.empty()) {
+        copy(pairs_.stiffness, part.shared_rank, &part.shared.stiffness);
+      }
+    }
+    if (is_single_) {
+      refer(pairs_.single, &part.shared.single);
+    } else {
+      refer(pairs_.reference, &part.shared.reference);
+    }
+  });
+}
+
+ContactSums ContactEnergy::Sweep(double* gradient) const {
+  const PairSweep sweep = is_single_ ? loops_.single_sweep : loops_.sweep;
+  const double* const w = workspace_.data();
+  if (!(is_single_ ? pairs_.single.is_current : pairs_.reference.is_current)) {
+    SetReferencePairs(is_single_);
+  }
+  SetParts();
+  if (is_single_) {
+    ForPieces([&](int /*piece*/, int first, int end) {
+      const int v = dimension_ * first;
+      loops_.narrow(dimension_ * (end - first),
+                    1.0 / single_unit_,
+                    w + v,
+                    single_workspace_.data() + v);
+    });
+  }
+  std::vector<ContactSums> sums(NumPieces());
+  ForEach(static_cast<int>(parts_.size()), [&](int t) {
+    const Part& part = parts_[t];
+    const int first_grain = part.first_piece * kPieceGrains;
+    const int end_grain = std::min(part.end_piece * kPieceGrains, num_grains_);
+    const auto its_own = [&](PairView view) {
+      view.first_grain = first_grain;
+      view.end_grain = end_grain;
+      view.is_guarded = has_self_pairs_ || parts_.size() > 1;
+      return view;
+    };
+    if (gradient != nullptr) {
+      std::fill(gradient + dimension_ * first_grain,
+                gradient + dimension_ * end_grain,
+                0.0);
+      const int shared = static_cast<int>(part.shared_rank.size());
+      if (shared > 0) {
+        sweep(
+            its_own(View(part.shared, 0, shared)), options_.alpha, w, gradient);
+      }
+    }
+    for (int k = part.first_piece; k < part.end_piece; ++k) {
+      const int first = k * kPieceGrains;
+      const int end = std::min(first + kPieceGrains, num_grains_);
+      sums[k] = sweep(
+          its_own(View(pairs_, list_.row_start[first], list_.row_start[end])),
+          options_.alpha,
+          w,
+          gradient);
+    }
+  });
+  ContactSums total = sums[0];
+  for (std::size_t k = 1; k < sums.size(); ++k) {
+    total.energy += sums[k].energy;
+    total.force += sums[k].force;
+    total.overlap += sums[k].overlap;
+    total.virial += sums[k].virial;
+    total.contacts += sums[k].contacts;
+  }
+  return total;
 }
 
 bool ContactEnergy::HasLeftSkin(const double* u, double usable) const {
@@ -271,8 +451,7 @@ bool ContactEnergy::Prepare(const double* u) const {
   const int d = dimension_;
   const int n = NumParameters();
   const double usable = 0.5 * kUsableSkin * skin_;
-  moved_ = loops_.displace(
-      n, u, u_reference_.data(), u_list_.data(), workspace_.data());
+  moved_ = Displace(u, u_list_.data());
   if (!moved_.is_finite) return false;
   // No grain has moved by more than sqrt(d) times its largest coordinate.
   if (d * moved_.from_list * moved_.from_list > usable * usable &&
@@ -296,9 +475,7 @@ bool ContactEnergy::EvaluateWithScales(const double* u,
                                        double* gradient,
                                        Scales* scales) const {
   if (!Prepare(u)) return false;
-  const PairSweep sweep = is_single_ ? loops_.single_sweep : loops_.sweep;
-  const ContactSums sums =
-      sweep(View(is_single_), options_.alpha, workspace_.data(), gradient);
+  const ContactSums sums = Sweep(gradient);
   *energy = sums.energy;
   if (sums.contacts > 0) {
     last_overlap_ = sums.overlap / static_cast<double>(sums.contacts);
@@ -334,8 +511,7 @@ bool ContactEnergy::Recenter(const double* u) {
     return last_overlap_ != 0.0 && moved > most * last_overlap_;
   };
   if (!is_far(moved_.from_reference)) return false;
-  const Displacement moved = loops_.displace(
-      NumParameters(), u, u_reference_.data(), u, workspace_.data());
+  const Displacement moved = Displace(u, u);
   if (!moved.is_finite || !is_far(moved.from_reference)) return false;
   std::copy(u, u + NumParameters(), u_reference_.begin());
   RenewReferencePairs();
@@ -364,7 +540,8 @@ bool ContactEnergy::Refine() {
 bool ContactEnergy::UseDouble() {
   const bool was_single = is_single_;
   is_single_ = false;
-  single_reference_ = {};
+  pairs_.single = {};
+  for (Part& part : parts_) part.shared.single = {};
   single_workspace_ = {};
   return was_single;
 }
@@ -518,7 +695,7 @@ bool ContactEnergy::EvaluateGaps(const double* u, Gaps* gaps) const {
       const int j = list_.j[p];
       gaps->ids[p] = {i, j, list_.image[p]};
       gaps->delta[p] = states_.delta[p];
-      gaps->stiffness[p] = pair_stiffness_.empty() ? 1.0 : pair_stiffness_[p];
+      gaps->stiffness[p] = pairs_.stiffness.empty() ? 1.0 : pairs_.stiffness[p];
       // n (x) n is removed from the unit matrix, and 1 / l is left. Centres
       // that coincide have no direction.
       gaps->curvature[p] =

@@ -64,7 +64,8 @@ struct Contact {
 // Gaps are evaluated by differences from a reference configuration that
 // Recenter() moves along (see pair_loops.h and README, design); E, gradient
 // and Hessian are pure functions of (reference, u): bitwise independent of the
-// neighbour list that happens to be in use.
+// neighbour list that happens to be in use, and of the number of threads
+// (solvers/threads.h).
 //
 // Scales: gradient = mean contact force, length = mean overlap / (alpha - 1),
 // over which a force changes by its own size, vanishing = the
@@ -136,9 +137,30 @@ class ContactEnergy : public UnilateralFunction {
  private:
   ContactEnergy(const Packing& packing, const ContactEnergyOptions& options);
 
+  // The arrays of PairView, with their padding.
+  template <typename T>
+  struct ReferencePairs {
+    bool is_current = false;
+    std::vector<T> r0[3], d0, delta0;
+  };
+  struct PairArrays {
+    std::vector<int> i, j;
+    std::vector<double> stiffness;  // empty: all 1
+    ReferencePairs<double> reference;
+    ReferencePairs<float> single;
+  };
+
+  // Sums are taken over pieces of so many rows, then over pieces.
+  static constexpr int kPieceGrains = 4096;
+  int NumPieces() const;
+  // f(piece, first grain, end) for all pieces, by threads.
+  template <typename Function>
+  void ForPieces(const Function& f) const;
+
   // w = u - u_ref in workspace_; rebuilds the list if a grain has left its
   // skin. False where u is not finite or astronomically large.
   bool Prepare(const double* u) const;
+  Displacement Displace(const double* u, const double* u_list) const;
   bool HasLeftSkin(const double* u, double usable) const;
   bool BuildList(const double* u, std::string* error) const;
   // The arrays of PairView for the list as it is.
@@ -147,6 +169,9 @@ class ContactEnergy : public UnilateralFunction {
   // other are made when asked for.
   void RenewReferencePairs() const;
   void SetReferencePairs(bool single) const;
+  // Who does what, and copies of those pairs that two do.
+  void SetParts() const;
+  ContactSums Sweep(double* gradient) const;
   // states_ of all pairs at workspace_.
   void UpdateStates() const;
   // Makes the Hessian's pattern anew if a pair outside of it has a weight.
@@ -155,7 +180,9 @@ class ContactEnergy : public UnilateralFunction {
                    const double* second,
                    double theta,
                    SparseMatrix* hessian) const;
-  PairView View(bool single = false) const;
+  // Of all pairs.
+  PairView View() const;
+  PairView View(const PairArrays& pairs, int first, int end) const;
   double PairStiffness(int i, int j) const;
 
   const ContactEnergyOptions options_;
@@ -174,20 +201,23 @@ class ContactEnergy : public UnilateralFunction {
   mutable double skin_ = 0.0;
   mutable std::int64_t list_version_ = 0;
   mutable std::int64_t evaluations_since_build_ = 0;
-  // The arrays of PairView, with their padding.
   mutable bool has_self_pairs_ = false;
-  mutable std::vector<int> pair_i_, pair_j_;
-  template <typename T>
-  struct ReferencePairs {
-    bool is_current = false;
-    std::vector<T> r0[3], d0, delta0;
-  };
-  bool is_single_;  // is the sweep?
+  mutable PairArrays pairs_;  // of the list
+  bool is_single_;            // is the sweep?
   double single_unit_ = 1.0;
-  mutable ReferencePairs<double> reference_;
-  mutable ReferencePairs<float> single_reference_;
   mutable std::vector<float> single_workspace_;
-  mutable std::vector<double> pair_stiffness_;  // empty: all 1
+  // What one thread does: all forces on the grains of its pieces. They are
+  // those of its own rows and of pairs in the rows of threads before it, copied
+  // to `shared`, which are evaluated by both, so that no two write to the same
+  // grain and each grain's forces are added up in the order of the list.
+  struct Part {
+    int first_piece = 0;
+    int end_piece = 0;
+    PairArrays shared;
+    std::vector<int> shared_rank;  // in the list
+  };
+  mutable std::vector<Part> parts_;
+  mutable std::int64_t parts_list_version_ = -1;
   mutable PairStates states_;
   mutable std::vector<double> states_memory_;
   // The pattern of the Hessian: the place of a pair's block below the diagonal

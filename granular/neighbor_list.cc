@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "solvers/format.h"
+#include "solvers/threads.h"
 
 namespace granopt {
 namespace {
@@ -169,102 +170,121 @@ bool Build(const Box& given_box,
     }
   }
 
-  std::vector<Entry> entries;
-  entries.reserve(static_cast<std::size_t>(n) * (d == 2 ? 4 : 8));
-  std::vector<Step> steps[3] = {{{0, 1, 0}}, {{0, 1, 0}}, {{0, 1, 0}}};
-  std::vector<int> found;
-  for (int i = 0; i < n; ++i) {
-    for (int a = level[i]; a < num_levels; ++a) {
-      const Level& l = levels[a];
-      if (population[a] == 0) continue;
-      const double range = (radii[i] + l.max_radius + skin) * (1.0 + 1e-12);
-      int home[3];
-      cell_of(l, i, home);
-      for (int k = 0; k < d; ++k) {
-        const double cells = range / l.width[k];
-        if (!(cells <= static_cast<double>(kMaxImages) * l.cells[k])) {
-          *error = "grain " + std::to_string(i) + ": range " +
-                   std::to_string(range) + " needs more than " +
-                   std::to_string(kMaxImages) + " images of a cell of height " +
-                   std::to_string(box.Height(k));
-          return false;
+  // By rows, in pieces for threads.
+  constexpr int kPiece = 4096;
+  const int pieces = (n + kPiece - 1) / kPiece;
+  std::vector<std::vector<Entry>> found_by(pieces);
+  std::vector<std::string> refused_by(pieces);
+  ForEach(pieces, [&](int piece) {
+    const int end_row = std::min(n, (piece + 1) * kPiece);
+    std::vector<Entry>& entries = found_by[piece];
+    entries.reserve(static_cast<std::size_t>(end_row - piece * kPiece) *
+                    (d == 2 ? 4 : 8));
+    std::vector<Step> steps[3] = {{{0, 1, 0}}, {{0, 1, 0}}, {{0, 1, 0}}};
+    std::vector<int> found;
+    for (int i = piece * kPiece; i < end_row; ++i) {
+      for (int a = level[i]; a < num_levels; ++a) {
+        const Level& l = levels[a];
+        if (population[a] == 0) continue;
+        const double range = (radii[i] + l.max_radius + skin) * (1.0 + 1e-12);
+        int home[3];
+        cell_of(l, i, home);
+        for (int k = 0; k < d; ++k) {
+          const double cells = range / l.width[k];
+          if (!(cells <= static_cast<double>(kMaxImages) * l.cells[k])) {
+            refused_by[piece] = "grain " + std::to_string(i) + ": range " +
+                                std::to_string(range) + " needs more than " +
+                                std::to_string(kMaxImages) +
+                                " images of a cell of height " +
+                                std::to_string(box.Height(k));
+            return;
+          }
+          SetSteps(home[k],
+                   static_cast<int>(cells) + 1,
+                   l.cells[k],
+                   /*join=*/k == d - 1,
+                   &steps[k]);
         }
-        SetSteps(home[k],
-                 static_cast<int>(cells) + 1,
-                 l.cells[k],
-                 /*join=*/k == d - 1,
-                 &steps[k]);
-      }
-      // Cells that differ in the last direction only lie one after the other.
-      const std::vector<Step>& last = steps[d - 1];
-      for (const Step& s0 : steps[0]) {
-        for (const Step& s1 : d == 3 ? steps[1] : last) {
-          for (const Step& s2 : d == 3 ? last : steps[2]) {
-            const Image cell_image = {s0.turns, s1.turns, s2.turns};
-            const bool shifted =
-                s0.turns != 0 || s1.turns != 0 || s2.turns != 0;
-            // x_i less the image's shift.
-            double from[d];
-            for (int k = 0; k < d; ++k) {
-              from[k] = at[d * i + k];
-              if (!shifted) continue;
-              for (int m = 0; m < d; ++m) {
-                from[k] -= box.edges()(k, m) * cell_image[m];
-              }
-            }
-            const int row = d == 2
-                                ? s0.cell * l.cells[1]
-                                : (s0.cell * l.cells[1] + s1.cell) * l.cells[2];
-            const Step& run = d == 2 ? s1 : s2;
-            const int begin = l.start[row + run.cell];
-            const int end = l.start[row + run.cell + run.count];
-            // Of a level with itself each pair is found once.
-            const int least = a > level[i] ? 0 : shifted ? i : i + 1;
-            const double reach = radii[i] + skin;
-            // Without branches, which would be guessed wrong half of the time.
-            if (static_cast<int>(found.size()) < end - begin) {
-              found.resize(end - begin);
-            }
-            int count = 0;
-            for (int q = begin; q < end; ++q) {
-              double r2 = 0.0;
+        // Cells that differ in the last direction only lie one after the other.
+        const std::vector<Step>& last = steps[d - 1];
+        for (const Step& s0 : steps[0]) {
+          for (const Step& s1 : d == 3 ? steps[1] : last) {
+            for (const Step& s2 : d == 3 ? last : steps[2]) {
+              const Image cell_image = {s0.turns, s1.turns, s2.turns};
+              const bool shifted =
+                  s0.turns != 0 || s1.turns != 0 || s2.turns != 0;
+              // x_i less the image's shift.
+              double from[d];
               for (int k = 0; k < d; ++k) {
-                const double r = from[k] - l.place[d * q + k];
-                r2 += r * r;
-              }
-              const double cutoff = reach + l.radius[q];
-              found[count] = l.members[q];
-              count += static_cast<int>(r2 < cutoff * cutoff) &
-                       static_cast<int>(l.members[q] >= least);
-            }
-            for (int f = 0; f < count; ++f) {
-              const int j = found[f];
-              // j's image is at x_j + H cell_image: r = x_i - x_j - H
-              // cell_image.
-              if (j == i && (!shifted || IsPositive(cell_image))) continue;
-              // From wrapped to given positions: x_i = p_i - H wrap_i.
-              Image reduced = {0, 0, 0};
-              for (int k = 0; k < d; ++k) {
-                reduced[k] = wrap[j][k] - wrap[i][k] - cell_image[k];
-              }
-              Entry entry = {i, j, {0, 0, 0}};
-              for (int k = 0; k < d; ++k) {
+                from[k] = at[d * i + k];
+                if (!shifted) continue;
                 for (int m = 0; m < d; ++m) {
-                  entry.image[k] += transform(k, m) * reduced[m];
+                  from[k] -= box.edges()(k, m) * cell_image[m];
                 }
               }
-              if (i == j ? !IsPositive(entry.image) : j < i) {
-                std::swap(entry.i, entry.j);
-                for (int k = 0; k < d; ++k) entry.image[k] = -entry.image[k];
+              const int row =
+                  d == 2 ? s0.cell * l.cells[1]
+                         : (s0.cell * l.cells[1] + s1.cell) * l.cells[2];
+              const Step& run = d == 2 ? s1 : s2;
+              const int begin = l.start[row + run.cell];
+              const int end = l.start[row + run.cell + run.count];
+              // Of a level with itself each pair is found once.
+              const int least = a > level[i] ? 0 : shifted ? i : i + 1;
+              const double reach = radii[i] + skin;
+              // Without branches, which would be guessed wrong half of the
+              // time.
+              if (static_cast<int>(found.size()) < end - begin) {
+                found.resize(end - begin);
               }
-              entries.push_back(entry);
+              int count = 0;
+              for (int q = begin; q < end; ++q) {
+                double r2 = 0.0;
+                for (int k = 0; k < d; ++k) {
+                  const double r = from[k] - l.place[d * q + k];
+                  r2 += r * r;
+                }
+                const double cutoff = reach + l.radius[q];
+                found[count] = l.members[q];
+                count += static_cast<int>(r2 < cutoff * cutoff) &
+                         static_cast<int>(l.members[q] >= least);
+              }
+              for (int f = 0; f < count; ++f) {
+                const int j = found[f];
+                // j's image is at x_j + H cell_image: r = x_i - x_j - H
+                // cell_image.
+                if (j == i && (!shifted || IsPositive(cell_image))) continue;
+                // From wrapped to given positions: x_i = p_i - H wrap_i.
+                Image reduced = {0, 0, 0};
+                for (int k = 0; k < d; ++k) {
+                  reduced[k] = wrap[j][k] - wrap[i][k] - cell_image[k];
+                }
+                Entry entry = {i, j, {0, 0, 0}};
+                for (int k = 0; k < d; ++k) {
+                  for (int m = 0; m < d; ++m) {
+                    entry.image[k] += transform(k, m) * reduced[m];
+                  }
+                }
+                if (i == j ? !IsPositive(entry.image) : j < i) {
+                  std::swap(entry.i, entry.j);
+                  for (int k = 0; k < d; ++k) entry.image[k] = -entry.image[k];
+                }
+                entries.push_back(entry);
+              }
             }
           }
         }
       }
     }
+  });
+  std::size_t num_entries = 0;
+  for (int piece = 0; piece < pieces; ++piece) {
+    if (!refused_by[piece].empty()) {
+      *error = refused_by[piece];
+      return false;
+    }
+    num_entries += found_by[piece].size();
   }
-  if (entries.size() >
+  if (num_entries >
       static_cast<std::size_t>(std::numeric_limits<int>::max() / 8)) {
     *error = "more than " +
              std::to_string(std::numeric_limits<int>::max() / 8) +
@@ -273,28 +293,35 @@ bool Build(const Box& given_box,
   }
 
   list->row_start.assign(n + 1, 0);
-  for (const Entry& e : entries) ++list->row_start[e.i + 1];
+  for (const std::vector<Entry>& entries : found_by) {
+    for (const Entry& e : entries) ++list->row_start[e.i + 1];
+  }
   for (int i = 0; i < n; ++i) list->row_start[i + 1] += list->row_start[i];
   // Into rows, each in order.
-  std::vector<Entry> sorted(entries.size());
+  std::vector<Entry> sorted(num_entries);
   std::vector<int> fill(list->row_start.begin(), list->row_start.end() - 1);
-  for (const Entry& e : entries) sorted[fill[e.i]++] = e;
-  std::vector<Entry>().swap(entries);
-  for (int i = 0; i < n; ++i) {
-    std::sort(sorted.begin() + list->row_start[i],
-              sorted.begin() + list->row_start[i + 1],
-              [](const Entry& a, const Entry& b) {
-                return a.j != b.j ? a.j < b.j : a.image < b.image;
-              });
+  for (std::vector<Entry>& entries : found_by) {
+    for (const Entry& e : entries) sorted[fill[e.i]++] = e;
+    std::vector<Entry>().swap(entries);
   }
-  list->i.resize(sorted.size());
-  list->j.resize(sorted.size());
-  list->image.resize(sorted.size());
-  for (std::size_t p = 0; p < sorted.size(); ++p) {
-    list->i[p] = sorted[p].i;
-    list->j[p] = sorted[p].j;
-    list->image[p] = sorted[p].image;
-  }
+  list->i.resize(num_entries);
+  list->j.resize(num_entries);
+  list->image.resize(num_entries);
+  ForEach(pieces, [&](int piece) {
+    const int end_row = std::min(n, (piece + 1) * kPiece);
+    for (int i = piece * kPiece; i < end_row; ++i) {
+      std::sort(sorted.begin() + list->row_start[i],
+                sorted.begin() + list->row_start[i + 1],
+                [](const Entry& a, const Entry& b) {
+                  return a.j != b.j ? a.j < b.j : a.image < b.image;
+                });
+      for (int p = list->row_start[i]; p < list->row_start[i + 1]; ++p) {
+        list->i[p] = i;
+        list->j[p] = sorted[p].j;
+        list->image[p] = sorted[p].image;
+      }
+    }
+  });
   return true;
 }
 

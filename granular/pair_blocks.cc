@@ -42,7 +42,7 @@ void Times(const PairView& pairs,
            const PairStates& states,
            const double* v,
            double* hv) {
-  std::fill(hv, hv + D * pairs.num_grains, 0.0);
+  std::fill(hv, hv + D * pairs.end_grain, 0.0);
   for (int p = 0; p < pairs.num_pairs; ++p) {
     if (!(states.delta[p] > 0.0) || states.distance[p] == 0.0) continue;
     const int i = pairs.i[p], j = pairs.j[p];

@@ -12,25 +12,28 @@ namespace granopt {
 // worked on at a time: grains 0 and 0 with r0 = d0 = 1 and delta0 = -1.
 constexpr int kPairPadding = 8;
 
-// r0, d0 and delta0 of PairView divided by `unit`, a power of two near the
-// radii (squares of lengths must be far from the ends of float's range), and
-// rounded once more.
+// r0, d0 and delta0 of PairView, and w of the sweep, divided by `unit`, a power
+// of two near the radii (squares of lengths must be far from the ends of
+// float's range), and rounded once more.
 struct SinglePairs {
   const float* r0[3] = {};
   const float* d0 = nullptr;
   const float* delta0 = nullptr;
   double unit = 1.0;
-  float* w = nullptr;  // d entries a grain to work in
+  const float* w = nullptr;  // by Narrow
 };
 
 // Pairs in increasing order of (i, j), at the reference configuration:
 // separation r0 = x_i - x_j + H image, its length d0 > 0 and the overlap
 // delta0 = r_i + r_j - d0, each rounded once from double-double. `stiffness`
-// may be null (all 1).
+// may be null (all 1). Arrays go on for kPairPadding valid entries.
 struct PairView {
-  int num_grains = 0;
   int num_pairs = 0;
-  bool has_self_pairs = false;  // is there a pair with i = j?
+  // Forces are those on grains first_grain ... end_grain - 1. `is_guarded` must
+  // be set where a pair has another grain, or i = j.
+  int first_grain = 0;
+  int end_grain = 0;
+  bool is_guarded = false;
   const int* i = nullptr;
   const int* j = nullptr;
   const double* r0[3] = {};
@@ -48,8 +51,8 @@ struct ContactSums {
   std::int64_t contacts = 0;
 };
 
-// Sums over all pairs at w = u - u_ref; gradient (d entries a grain) is
-// overwritten, may be null. With s = w_i - w_j a pair is evaluated by
+// Sums over all pairs at w = u - u_ref; dE/du is added to `gradient` (d entries
+// a grain), which may be null. With s = w_i - w_j a pair is evaluated by
 // differences,
 //   delta = delta0 - (2 r0.s + s.s) / (d + d0),   d = |r0 + s|,
 // which loses nothing to cancellation while |s| stays of the order of the
@@ -61,6 +64,9 @@ using PairSweep = ContactSums (*)(const PairView& pairs,
                                   double alpha,
                                   const double* w,
                                   double* gradient);
+
+// w divided by a unit and rounded, n entries.
+using Narrow = void (*)(int n, double per_unit, const double* w, float* to);
 
 // The largest changes of a coordinate; `is_finite`: all of them are.
 struct Displacement {
@@ -99,13 +105,14 @@ struct PairLoops {
   // the error of a gap is about eps32 (|w_i| + |w_j| + delta0). The law, forces
   // and sums are in double, and the guarantees are the same.
   PairSweep single_sweep = nullptr;
+  Narrow narrow = nullptr;
   FindStates states = nullptr;
   ApplyLaw law = nullptr;
   Displace displace = nullptr;
 };
 
-// All but `displace` are null for a dimension other than 2 or 3 or an alpha
-// that no law handles.
+// All but `displace` and `narrow` are null for a dimension other than 2 or 3 or
+// an alpha that no law handles.
 PairLoops PortablePairLoops(int dimension, double alpha);
 #ifdef __x86_64__
 PairLoops Avx2PairLoops(int dimension, double alpha);

@@ -7,6 +7,7 @@
 #include "Eigen/Core"
 #include "solvers/monitor.h"
 #include "solvers/step_search.h"
+#include "solvers/vector_blocks.h"
 
 namespace granopt {
 
@@ -62,13 +63,13 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
     const double* z = preconditioned ? z_own.data() : g.data();
     const double unit = preconditioned ? 1.0 : monitor.StepUnit();
     double first_step = rule->Direction(g.data(), z, unit, d.data());
-    LinePoint start{0.0, cost, g.dot(d)};
+    LinePoint start{0.0, cost, Dot(n, g.data(), d.data())};
     if (!(start.slope < 0.0) && !is_fresh) {
       rule->Forget();
       ++monitor.counters().restarts;
       is_fresh = true;
       first_step = rule->Direction(g.data(), z, unit, d.data());
-      start.slope = g.dot(d);
+      start.slope = Dot(n, g.data(), d.data());
     }
     if (!(start.slope < 0.0)) {
       monitor.GiveUp("steepest descent does not descend");
@@ -95,7 +96,10 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
       }
       continue;
     }
-    s = search.x - x;
+    ForBlocks(n, [&](int at, int length) {
+      s.segment(at, length) =
+          search.x.segment(at, length) - x.segment(at, length);
+    });
     std::swap(x, search.x);
     std::swap(g, search.g);  // search.g is now the gradient before
     cost = search.cost;

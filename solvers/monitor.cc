@@ -1,6 +1,7 @@
 #include "solvers/monitor.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -38,13 +39,19 @@ constexpr std::int64_t kPatience = 10000;
 // Not finite if an entry is not: an infinity or a NaN less itself is NaN.
 double MaxNorm(const double* v, int n) {
   const Eigen::Map<const Eigen::ArrayXd> all(v, n);
-  double most = 0.0, probe = 0.0;
-  ForBlocks(n, [&](int at, int length) {
-    const auto part = all.segment(at, length);
-    most = std::max(most, part.abs().maxCoeff());
-    probe += (part - part).sum();
-  });
-  return most + probe;
+  using Norms = std::array<double, 2>;  // the largest, and 0 if all are finite
+  const Norms norms = ReduceBlocks<2>(
+      n,
+      [&](int at, int length, Norms* so_far) {
+        const auto part = all.segment(at, length);
+        (*so_far)[0] = std::max((*so_far)[0], part.abs().maxCoeff());
+        (*so_far)[1] += (part - part).sum();
+      },
+      [](const Norms& part, Norms* so_far) {
+        (*so_far)[0] = std::max((*so_far)[0], part[0]);
+        (*so_far)[1] += part[1];
+      });
+  return norms[0] + norms[1];
 }
 
 // Index of the first entry that is not finite.
@@ -280,7 +287,9 @@ bool Monitor::Accept(const double* x,
   const bool is_first = !started_ || is_refined_;
   is_refined_ = false;
   if (is_first || IsBetter(cost, max_gradient)) {
-    std::copy(x, x + n_, best_x_.begin());
+    ForVectorPieces(n_, [&](int at, int length) {
+      std::copy(x + at, x + at + length, best_x_.begin() + at);
+    });
     best_cost_ = cost;
     best_max_gradient_ = max_gradient;
     best_scales_ = scales;

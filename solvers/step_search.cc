@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "solvers/vector_blocks.h"
+
 namespace granopt {
 
 LineSearchResult StepSearch::Search(const LineSearchOptions& options,
@@ -23,11 +25,14 @@ LineSearchResult StepSearch::Search(const LineSearchOptions& options,
     if (monitor->BudgetSpent()) return LineEvaluation::STOP;
     if (p->step > 0.0 && p->step == last_step) swap_kept();
     last_step = step;
-    x = x0 + step * d;
+    ForBlocks(static_cast<int>(d.size()), [&](int at, int length) {
+      x.segment(at, length) =
+          x0.segment(at, length) + step * d.segment(at, length);
+    });
     if (!monitor->Evaluate(x.data(), &cost, g.data(), &scales)) {
       return LineEvaluation::NOT_FINITE;
     }
-    *p = {step, cost, g.dot(d)};
+    *p = {step, cost, Dot(static_cast<int>(d.size()), g.data(), d.data())};
     return LineEvaluation::OK;
   };
   LineSearchOptions here = options;

@@ -115,14 +115,17 @@ class Fire : public Solver {
       const VectorXd& z_before =
           preconditioner != nullptr ? z_before_own : g_before;
 
-      double gv = 0.0, gz = 0.0, vv = 0.0;
-      ForBlocks(n, [&](int at, int length) {
-        const auto gb = g.segment(at, length);
-        const auto vb = v.segment(at, length);
-        gv += gb.dot(vb);
-        gz += gb.dot(z.segment(at, length));
-        vv += vb.squaredNorm();
-      });
+      const auto products =
+          SumBlocks<3>(n, [&](int at, int length, auto* sums) {
+            const auto gb = g.segment(at, length);
+            const auto vb = v.segment(at, length);
+            (*sums)[0] += gb.dot(vb);
+            (*sums)[1] += gb.dot(z.segment(at, length));
+            (*sums)[2] += vb.squaredNorm();
+          });
+      double gv = products[0];
+      const double gz = products[1];
+      double vv = products[2];
       // |v|^2 in P.
       if (preconditioner != nullptr) {
         vv = preconditioner->Dot(v.data(), v.data(), n);

@@ -9,6 +9,7 @@
 // a preconditioner is a steepest descent of the function's own length (the
 // paper does not say).
 
+#include <array>
 #include <cmath>
 #include <memory>
 #include <vector>
@@ -55,57 +56,52 @@ class LbfgsRule : public DirectionRule {
     // q = g - sum a_i y_i, and r = P^-1 q. Each pass through memory changes
     // them by one pair and takes the product with the next one.
     Eigen::Map<VectorXd> q(preconditioned_ ? q_.data() : d, n_);
-    double product = 0.0;
-    ForBlocks(n_, [&](int at, int length) {
+    using Sum = std::array<double, 1>;
+    double product = SumBlocks<1>(n_, [&](int at, int length, Sum* sum) {
       q.segment(at, length) = ConstMap(g, n_).segment(at, length);
       if (preconditioned_) {
         r.segment(at, length) = ConstMap(z, n_).segment(at, length);
       }
-      product += Newest(1).s.segment(at, length).dot(q.segment(at, length));
-    });
+      (*sum)[0] += Newest(1).s.segment(at, length).dot(q.segment(at, length));
+    })[0];
     const double scale = rescales_ ? Newest(1).sy / Newest(1).yw : 1.0;
     for (int k = 1; k <= count_; ++k) {
       Pair& pair = Newest(k);
       pair.a = product / pair.sy;
-      product = 0.0;
-      ForBlocks(n_, [&](int at, int length) {
+      product = SumBlocks<1>(n_, [&](int at, int length, Sum* sum) {
         q.segment(at, length) -= pair.a * pair.y.segment(at, length);
         if (preconditioned_) {
           r.segment(at, length) -= pair.a * pair.w.segment(at, length);
         }
         if (k < count_) {
-          product +=
+          (*sum)[0] +=
               Newest(k + 1).s.segment(at, length).dot(q.segment(at, length));
         } else {
           r.segment(at, length) *= scale;
-          product += pair.y.segment(at, length).dot(r.segment(at, length));
+          (*sum)[0] += pair.y.segment(at, length).dot(r.segment(at, length));
         }
-      });
+      })[0];
     }
     for (int k = count_; k >= 1; --k) {
       const Pair& pair = Newest(k);
       const double part = pair.a - product / pair.sy;
-      product = 0.0;
-      ForBlocks(n_, [&](int at, int length) {
+      product = SumBlocks<1>(n_, [&](int at, int length, Sum* sum) {
         r.segment(at, length) += part * pair.s.segment(at, length);
         if (k > 1) {
-          product +=
+          (*sum)[0] +=
               Newest(k - 1).y.segment(at, length).dot(r.segment(at, length));
         } else {
           r.segment(at, length) = -r.segment(at, length);
         }
-      });
+      })[0];
     }
     return 1.0;
   }
 
   void Taken(const Step& step) override {
     Pair& pair = pairs_[next_];
-    pair.sy = 0.0;
-    double yy = 0.0, yw = 0.0;
-    // Squared, so that no square root spoils the invariance of units.
-    double ss = 0.0;
-    ForBlocks(n_, [&](int at, int length) {
+    // The norms squared, so that no square root spoils the invariance of units.
+    const auto products = SumBlocks<4>(n_, [&](int at, int length, auto* sums) {
       auto s = pair.s.segment(at, length);
       auto y = pair.y.segment(at, length);
       s = ConstMap(step.s, n_).segment(at, length);
@@ -115,12 +111,14 @@ class LbfgsRule : public DirectionRule {
         auto w = pair.w.segment(at, length);
         w = ConstMap(step.z_new, n_).segment(at, length) -
             ConstMap(step.z, n_).segment(at, length);
-        yw += y.dot(w);
+        (*sums)[3] += y.dot(w);
       }
-      pair.sy += s.dot(y);
-      yy += y.squaredNorm();
-      ss += s.squaredNorm();
+      (*sums)[0] += s.dot(y);
+      (*sums)[1] += y.squaredNorm();
+      (*sums)[2] += s.squaredNorm();
     });
+    pair.sy = products[0];
+    const double yy = products[1], ss = products[2], yw = products[3];
     pair.yw = preconditioned_ ? yw : yy;
     if (!(pair.sy > 0.0 && pair.yw > 0.0) ||
         !(pair.sy / ss * (pair.sy / yy) > kLeastCurvature * kLeastCurvature)) {
