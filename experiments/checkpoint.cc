@@ -271,6 +271,9 @@ bool Checkpoint::Write(const Json& state, std::string* error) const {
   unlink(second.c_str());
   if (link(path_.c_str(), second.c_str()) == 0) {
     std::rename(second.c_str(), previous().c_str());
+    // Where both are names of one file already, of a run killed before its last
+    // rename below, a rename does nothing.
+    unlink(second.c_str());
   } else if (errno != ENOENT) {
     // A file system without links: for a moment only the older one is there.
     std::rename(path_.c_str(), previous().c_str());

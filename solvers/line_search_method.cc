@@ -31,7 +31,7 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
   const std::unique_ptr<DirectionRule> rule = MakeRule(n, preconditioned);
 
   VectorXd x = Eigen::Map<const VectorXd>(x_out, n);
-  VectorXd g(n), d(n), s(n);
+  VectorXd g(n), d(n), s(preconditioned ? n : 0);
   StepSearch search(n);
   VectorXd z_own(preconditioned ? n : 0), z_new_own(preconditioned ? n : 0);
   double cost = 0.0;
@@ -96,18 +96,15 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
       }
       continue;
     }
-    ForBlocks(n, [&](int at, int length) {
-      s.segment(at, length) =
-          search.x.segment(at, length) - x.segment(at, length);
-    });
-    std::swap(x, search.x);
-    std::swap(g, search.g);  // search.g is now the gradient before
+    std::swap(x, search.x);  // search.x is now the point before
+    std::swap(g, search.g);  // and search.g its gradient
     cost = search.cost;
     scales = search.scales;
     if (monitor.Accept(x.data(), cost, g.data(), scales)) break;
 
     if (preconditioned) solve(g.data(), z_new_own.data());
-    rule->Taken({s.data(),
+    rule->Taken({search.x.data(),
+                 x.data(),
                  search.g.data(),
                  z,
                  g.data(),
@@ -116,6 +113,7 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
                  found.point});
     is_fresh = false;
     if (preconditioned) {
+      s = x - search.x;
       if (preconditioner->Update(
               {x.data(), cost, g.data(), scales}, s.data(), &monitor)) {
         rule->PreconditionerChanged(solve);

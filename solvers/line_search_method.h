@@ -28,10 +28,11 @@ class DirectionRule {
                            double unit,
                            double* d) = 0;
 
-  // The step s = x_new - x was taken, with gradients g and g_new at its ends
+  // The step from x to x_new was taken, with gradients g and g_new at its ends
   // and slopes along d before and after, d being what Direction() last wrote.
   struct Step {
-    const double* s;
+    const double* x;
+    const double* x_new;
     const double* g;
     const double* z;
     const double* g_new;

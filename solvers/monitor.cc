@@ -1,7 +1,6 @@
 #include "solvers/monitor.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -39,17 +38,18 @@ constexpr std::int64_t kPatience = 10000;
 // Not finite if an entry is not: an infinity or a NaN less itself is NaN.
 double MaxNorm(const double* v, int n) {
   const Eigen::Map<const Eigen::ArrayXd> all(v, n);
-  using Norms = std::array<double, 2>;  // the largest, and 0 if all are finite
-  const Norms norms = ReduceBlocks<2>(
+  // The largest, and 0 if all are finite.
+  const std::vector<double> norms = ReduceBlocks(
       n,
-      [&](int at, int length, Norms* so_far) {
+      2,
+      [&](int at, int length, double* so_far) {
         const auto part = all.segment(at, length);
-        (*so_far)[0] = std::max((*so_far)[0], part.abs().maxCoeff());
-        (*so_far)[1] += (part - part).sum();
+        so_far[0] = std::max(so_far[0], part.abs().maxCoeff());
+        so_far[1] += (part - part).sum();
       },
-      [](const Norms& part, Norms* so_far) {
-        (*so_far)[0] = std::max((*so_far)[0], part[0]);
-        (*so_far)[1] += part[1];
+      [](const double* part, double* so_far) {
+        so_far[0] = std::max(so_far[0], part[0]);
+        so_far[1] += part[1];
       });
   return norms[0] + norms[1];
 }

@@ -4,7 +4,6 @@
 #define GRANOPT_SOLVERS_VECTOR_BLOCKS_H_
 
 #include <algorithm>
-#include <array>
 #include <cstddef>
 #include <vector>
 
@@ -39,30 +38,27 @@ void ForBlocks(int n, const Function& f) {
   });
 }
 
-// The same for f(first, length, sums), which adds to kSums sums; `add(part,
+// The same for f(first, length, sums), which adds to `count` sums; `add(part,
 // sums)` joins those of two pieces, from left to right.
-template <std::size_t kSums, typename Function, typename Add>
-std::array<double, kSums> ReduceBlocks(int n,
-                                       const Function& f,
-                                       const Add& add) {
-  using Sums = std::array<double, kSums>;
-  Sums sums = {};
-  if (n <= kVectorPiece) {
-    ForBlocks(n, [&](int at, int length) { f(at, length, &sums); });
-    return sums;
-  }
-  std::vector<Sums> parts((n + kVectorPiece - 1) / kVectorPiece, Sums{});
-  ForBlocks(
-      n, [&](int at, int length) { f(at, length, &parts[at / kVectorPiece]); });
-  for (const Sums& part : parts) add(part, &sums);
-  return sums;
+template <typename Function, typename Add>
+std::vector<double> ReduceBlocks(int n,
+                                 int count,
+                                 const Function& f,
+                                 const Add& add) {
+  const int pieces = std::max(1, (n + kVectorPiece - 1) / kVectorPiece);
+  std::vector<double> parts(static_cast<std::size_t>(pieces) * count, 0.0);
+  ForBlocks(n, [&](int at, int length) {
+    f(at, length, &parts[static_cast<std::size_t>(at / kVectorPiece) * count]);
+  });
+  for (int k = 1; k < pieces; ++k) add(&parts[k * count], parts.data());
+  parts.resize(count);
+  return parts;
 }
 
-template <std::size_t kSums, typename Function>
-std::array<double, kSums> SumBlocks(int n, const Function& f) {
-  using Sums = std::array<double, kSums>;
-  return ReduceBlocks<kSums>(n, f, [](const Sums& part, Sums* sums) {
-    for (std::size_t k = 0; k < kSums; ++k) (*sums)[k] += part[k];
+template <typename Function>
+std::vector<double> SumBlocks(int n, int count, const Function& f) {
+  return ReduceBlocks(n, count, f, [count](const double* part, double* sums) {
+    for (int k = 0; k < count; ++k) sums[k] += part[k];
   });
 }
 

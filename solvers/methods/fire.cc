@@ -116,12 +116,12 @@ class Fire : public Solver {
           preconditioner != nullptr ? z_before_own : g_before;
 
       const auto products =
-          SumBlocks<3>(n, [&](int at, int length, auto* sums) {
+          SumBlocks(n, 3, [&](int at, int length, double* sums) {
             const auto gb = g.segment(at, length);
             const auto vb = v.segment(at, length);
-            (*sums)[0] += gb.dot(vb);
-            (*sums)[1] += gb.dot(z.segment(at, length));
-            (*sums)[2] += vb.squaredNorm();
+            sums[0] += gb.dot(vb);
+            sums[1] += gb.dot(z.segment(at, length));
+            sums[2] += vb.squaredNorm();
           });
       double gv = products[0];
       const double gz = products[1];

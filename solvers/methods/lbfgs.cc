@@ -9,7 +9,6 @@
 // a preconditioner is a steepest descent of the function's own length (the
 // paper does not say).
 
-#include <array>
 #include <cmath>
 #include <memory>
 #include <vector>
@@ -56,39 +55,38 @@ class LbfgsRule : public DirectionRule {
     // q = g - sum a_i y_i, and r = P^-1 q. Each pass through memory changes
     // them by one pair and takes the product with the next one.
     Eigen::Map<VectorXd> q(preconditioned_ ? q_.data() : d, n_);
-    using Sum = std::array<double, 1>;
-    double product = SumBlocks<1>(n_, [&](int at, int length, Sum* sum) {
+    double product = SumBlocks(n_, 1, [&](int at, int length, double* sum) {
       q.segment(at, length) = ConstMap(g, n_).segment(at, length);
       if (preconditioned_) {
         r.segment(at, length) = ConstMap(z, n_).segment(at, length);
       }
-      (*sum)[0] += Newest(1).s.segment(at, length).dot(q.segment(at, length));
+      *sum += Newest(1).s.segment(at, length).dot(q.segment(at, length));
     })[0];
     const double scale = rescales_ ? Newest(1).sy / Newest(1).yw : 1.0;
     for (int k = 1; k <= count_; ++k) {
       Pair& pair = Newest(k);
       pair.a = product / pair.sy;
-      product = SumBlocks<1>(n_, [&](int at, int length, Sum* sum) {
+      product = SumBlocks(n_, 1, [&](int at, int length, double* sum) {
         q.segment(at, length) -= pair.a * pair.y.segment(at, length);
         if (preconditioned_) {
           r.segment(at, length) -= pair.a * pair.w.segment(at, length);
         }
         if (k < count_) {
-          (*sum)[0] +=
+          *sum +=
               Newest(k + 1).s.segment(at, length).dot(q.segment(at, length));
         } else {
           r.segment(at, length) *= scale;
-          (*sum)[0] += pair.y.segment(at, length).dot(r.segment(at, length));
+          *sum += pair.y.segment(at, length).dot(r.segment(at, length));
         }
       })[0];
     }
     for (int k = count_; k >= 1; --k) {
       const Pair& pair = Newest(k);
       const double part = pair.a - product / pair.sy;
-      product = SumBlocks<1>(n_, [&](int at, int length, Sum* sum) {
+      product = SumBlocks(n_, 1, [&](int at, int length, double* sum) {
         r.segment(at, length) += part * pair.s.segment(at, length);
         if (k > 1) {
-          (*sum)[0] +=
+          *sum +=
               Newest(k - 1).y.segment(at, length).dot(r.segment(at, length));
         } else {
           r.segment(at, length) = -r.segment(at, length);
@@ -101,22 +99,24 @@ class LbfgsRule : public DirectionRule {
   void Taken(const Step& step) override {
     Pair& pair = pairs_[next_];
     // The norms squared, so that no square root spoils the invariance of units.
-    const auto products = SumBlocks<4>(n_, [&](int at, int length, auto* sums) {
-      auto s = pair.s.segment(at, length);
-      auto y = pair.y.segment(at, length);
-      s = ConstMap(step.s, n_).segment(at, length);
-      y = ConstMap(step.g_new, n_).segment(at, length) -
-          ConstMap(step.g, n_).segment(at, length);
-      if (preconditioned_) {
-        auto w = pair.w.segment(at, length);
-        w = ConstMap(step.z_new, n_).segment(at, length) -
-            ConstMap(step.z, n_).segment(at, length);
-        (*sums)[3] += y.dot(w);
-      }
-      (*sums)[0] += s.dot(y);
-      (*sums)[1] += y.squaredNorm();
-      (*sums)[2] += s.squaredNorm();
-    });
+    const auto products =
+        SumBlocks(n_, 4, [&](int at, int length, double* sums) {
+          auto s = pair.s.segment(at, length);
+          auto y = pair.y.segment(at, length);
+          s = ConstMap(step.x_new, n_).segment(at, length) -
+              ConstMap(step.x, n_).segment(at, length);
+          y = ConstMap(step.g_new, n_).segment(at, length) -
+              ConstMap(step.g, n_).segment(at, length);
+          if (preconditioned_) {
+            auto w = pair.w.segment(at, length);
+            w = ConstMap(step.z_new, n_).segment(at, length) -
+                ConstMap(step.z, n_).segment(at, length);
+            sums[3] += y.dot(w);
+          }
+          sums[0] += s.dot(y);
+          sums[1] += y.squaredNorm();
+          sums[2] += s.squaredNorm();
+        });
     pair.sy = products[0];
     const double yy = products[1], ss = products[2], yw = products[3];
     pair.yw = preconditioned_ ? yw : yy;

@@ -61,9 +61,9 @@ TEST(Threads, SumsOfVectorsHaveTheSameBits) {
       exact += static_cast<long double>(a[v]) * b[v];
     }
     const auto sums = [&]() {
-      auto both = SumBlocks<2>(n, [&](int at, int length, auto* sums) {
-        (*sums)[0] += a.segment(at, length).dot(b.segment(at, length));
-        (*sums)[1] += a.segment(at, length).sum();
+      auto both = SumBlocks(n, 2, [&](int at, int length, double* sums) {
+        sums[0] += a.segment(at, length).dot(b.segment(at, length));
+        sums[1] += a.segment(at, length).sum();
       });
       return std::make_tuple(both[0], both[1], Dot(n, a.data(), b.data()));
     };
