@@ -15,9 +15,10 @@
 //
 // The packing: discs in a square cell; without a file 4096 (1:1, ratio 1.4) at
 // phi = 0.8438, relaxed from a random start. Arguments count its periodic
-// copies, 1, 16 and 64.
+// copies, 1, 4, 16 and 64, and threads.
 
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <map>
@@ -25,6 +26,7 @@
 #include <string>
 #include <vector>
 
+#include "Eigen/Core"
 #include "benchmark/benchmark.h"
 #include "granular/contact_energy.h"
 #include "granular/neighbor_list.h"
@@ -33,6 +35,7 @@
 #include "granular/relaxation.h"
 #include "solvers/multifrontal_cholesky.h"
 #include "solvers/registry.h"
+#include "solvers/threads.h"
 
 namespace granopt {
 namespace {
@@ -315,7 +318,69 @@ void BM_Solve(benchmark::State& state) {
   PerGrain(state, packing);
 }
 
+// An iteration of a method, evaluation included, on a packing that is displaced
+// by a tenth of its mean overlap and far from converged; the second argument is
+// the number of threads.
+void BM_Iteration(benchmark::State& state, const char* method) {
+  Packing packing = PackingOf(static_cast<int>(state.range(0)));
+  packing.Perturb(1e-4 * packing.MeanRadius(), 1);
+  std::string error;
+  const auto energy = ContactEnergy::Create(packing, {}, &error);
+  const auto solver = CreateSolver(method, &error);
+  SolveOptions options;
+  options.relative_tolerance = 1e-14;
+  options.max_evaluations = 50;
+  SetNumThreads(static_cast<int>(state.range(1)));
+  std::int64_t evaluations = 0;
+  for (auto _ : state) {
+    std::vector<double> u(energy->NumParameters(), 0.0);
+    evaluations +=
+        solver->Minimize(energy.get(), options, u.data()).counters.evaluations;
+  }
+  SetNumThreads(1);
+  state.counters["grains"] = packing.size();
+  state.counters["ns/grain"] = benchmark::Counter(
+      1e-9 * packing.size() * static_cast<double>(evaluations),
+      benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+}
+
+// By so many threads: the second argument.
+void BM_Threads(benchmark::State& state, void (*benchmark)(benchmark::State&)) {
+  SetNumThreads(static_cast<int>(state.range(1)));
+  benchmark(state);
+  SetNumThreads(1);
+}
+
+// What memory gives: a = b + c of so many doubles each, two read and one
+// written.
+void BM_Memory(benchmark::State& state) {
+  const int n = static_cast<int>(state.range(0));
+  Eigen::VectorXd a = Eigen::VectorXd::Zero(n), b = a, c = a;
+  for (auto _ : state) {
+    a = b + c;
+    benchmark::DoNotOptimize(a.data());
+    benchmark::ClobberMemory();
+  }
+  state.SetBytesProcessed(state.iterations() * 3 * 8 * n);
+}
+
 BENCHMARK(BM_ContactEnergy)->Arg(1)->Arg(64);
+BENCHMARK_CAPTURE(BM_Iteration, fire, "fire")
+    ->ArgsProduct({{1, 4, 64}, {1, 2}})
+    ->UseRealTime();
+BENCHMARK_CAPTURE(BM_Iteration, lbfgs, "lbfgs")
+    ->ArgsProduct({{1, 4, 64}, {1, 2}})
+    ->UseRealTime();
+BENCHMARK_CAPTURE(BM_Threads, energy, BM_ContactEnergy)
+    ->ArgsProduct({{4, 64}, {1, 2}})
+    ->UseRealTime();
+BENCHMARK_CAPTURE(BM_Threads, list, BM_NeighborList)
+    ->ArgsProduct({{4, 64}, {1, 2}})
+    ->UseRealTime();
+BENCHMARK_CAPTURE(BM_Threads, rebase, BM_Rebase)
+    ->ArgsProduct({{4, 64}, {1, 2}})
+    ->UseRealTime();
+BENCHMARK(BM_Memory)->Arg(1 << 11)->Arg(1 << 15)->Arg(1 << 19)->Arg(1 << 23);
 BENCHMARK(BM_Precision)
     ->ArgNames({"d", "10alpha", "grains", "float"})
     ->ArgsProduct({{2, 3}, {20, 25}, {1024, 4096, 262144}, {0, 1}});
