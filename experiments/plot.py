@@ -2233,7 +2233,7 @@ def FiniteSizeFigure(arguments):
 
 def ScalingFigure(arguments):
   path = arguments.table
-  table = ReadTable(path, ("particles", "method", "evaluations", "seconds",
+  table = ReadTable(path, ("particles", "method", "threads", "evaluations", "seconds",
                            "energy_seconds", "peak_bytes"), words=("method",))
   methods = Unique(table["method"])
   if not methods:
@@ -2246,15 +2246,23 @@ def ScalingFigure(arguments):
   method = np.array(table["method"])
   colours = dict(zip(methods, (BLUE, VERMILION, GREEN, ORANGE, PURPLE)))
   for name in methods:
-    k = np.nonzero(method == name)[0]
-    n = table["particles"][k]
-    work = 1e9 / (table["evaluations"][k] * n)
     colour = colours[name]
-    axes[0].plot(n, table["seconds"][k] * work, color=colour, marker="o", linewidth=1.8,
-                 label="%s, an iteration" % name)
-    axes[0].plot(n, table["energy_seconds"][k] * work, color=colour, marker="o",
-                 markersize=4, linewidth=1.2, linestyle=(0, (4, 2)),
-                 label="of which the energy")
+    for threads in Unique(table["threads"]):
+      k = np.nonzero((method == name) & (table["threads"] == threads))[0]
+      n = table["particles"][k]
+      work = 1e9 / (table["evaluations"][k] * n)
+      if threads > 1:
+        axes[0].plot(n, table["seconds"][k] * work, color=colour, marker="s",
+                     markersize=5, linewidth=1.2, linestyle=(0, (1, 1.5)),
+                     label="by %d threads" % threads)
+        continue
+      axes[0].plot(n, table["seconds"][k] * work, color=colour, marker="o", linewidth=1.8,
+                   label="%s, an iteration" % name)
+      axes[0].plot(n, table["energy_seconds"][k] * work, color=colour, marker="o",
+                   markersize=4, linewidth=1.2, linestyle=(0, (4, 2)),
+                   label="of which the energy")
+    k = np.nonzero((method == name) & (table["threads"] == table["threads"].min()))[0]
+    n = table["particles"][k]
     axes[1].plot(n, table["peak_bytes"][k] / n, color=colour, marker="o", linewidth=1.8,
                  label=name)
   axes[0].set_title("time", loc="left", pad=7)
