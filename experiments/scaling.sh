@@ -29,7 +29,7 @@ for n in 1024 4096 16384 65536 262144 1000000; do
     --threads="${threads}" --max_evaluations="${early}" --out="${start}" \
     > "${folder}/log" || [ $? -eq 1 ]
   for method in fire lbfgs; do
-    for t in 1 "${threads}"; do
+    for t in $(printf "%s\n" 1 "${threads}" | sort -nu); do
       # Fewer grains are not shared out.
       [ "${t}" = 1 ] || [ "${n}" -gt 4096 ] || continue
       run="${folder}/${method}_${n}_${t}"
