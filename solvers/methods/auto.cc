@@ -44,24 +44,23 @@ constexpr double kSolve = 9.0;
 constexpr double kFactor = 42.0;
 constexpr double kMatrix = 75.0;  // with the analysis of its pattern
 
-constexpr double kDecade = 20.0;
+constexpr double kDecade = 25.0;
 // What fire's progress says is believed up to so many times the forecast.
 constexpr double kSlowest = 20.0;
 // Loads are small, and many contacts are about to change, where max|g| is below
 // and above so many mean forces; fire then takes so many times as long.
 constexpr double kSmall = 0.03;
-constexpr double kMany = 0.3;
+constexpr double kMany = 0.4;
 constexpr double kManyTimes = 2.0;
 // Contacts change all over above this, ...
 constexpr double kCalm = 3.0;
 // ... and too many of them to leave fire above this.
 constexpr double kSettled = 0.1;
 
-// Second order begins if it promises to take this part of what fire would,
-// and interior_point if fire would take so many times as long.
-constexpr double kWorthIt = 0.67;
-constexpr double kDeep = 4.0;
-constexpr double kDeepMany = 3.6;
+// barrier begins if fire promises to take longer, and interior_point, which
+// many contact changes may defeat, if it promises to take so many times as
+// long.
+constexpr double kDeep = 2.0;
 // barrier may take so many times its forecast before it is compared with fire,
 // and interior_point so many times what fire was forecast to take.
 constexpr double kPatience = 3.0;
@@ -164,13 +163,13 @@ class Phases {
     if (kind != Kind::FIRE) fire_work_at_failure_ = fire_work_;
     if (!has_second_order_) return Kind::FIRE;
     if (kind == Kind::FIRE) {
-      if (!is_start) return Kind::BARRIER;
-      const double times = FireForecast() / kInteriorForecast;
-      return times > (residual_ > kMany ? kDeepMany : kDeep) ? Kind::INTERIOR
-                                                             : Kind::BARRIER;
+      return is_start && residual_ > kMany ? Kind::INTERIOR : Kind::BARRIER;
     }
     // From the start on the other one may do; after fire it does not.
-    if (kind == Kind::BARRIER && is_start && !has_tried_interior_) {
+    if (is_start && kind == Kind::INTERIOR && !has_tried_barrier_) {
+      return Kind::BARRIER;
+    }
+    if (is_start && kind == Kind::BARRIER && !has_tried_interior_) {
       return Kind::INTERIOR;
     }
     return Kind::FIRE;
@@ -206,9 +205,13 @@ class Phases {
 
   // fire: what fire would still take.
   bool IsWorthIt(double fire) const {
-    return has_second_order_ && residual_ <= kCalm &&
-           BarrierForecast() <= kWorthIt * fire &&
+    return has_second_order_ && BarrierForecast() <= fire &&
            fire_work_ >= fire_work_at_failure_ + kWait * second_order_work_;
+  }
+  bool IsWorthItAtOnce() const {
+    if (residual_ <= kMany) return IsWorthIt(FireForecast());
+    return has_second_order_ && residual_ <= kCalm &&
+           kDeep * kInteriorForecast <= FireForecast();
   }
 
   // Minimizes until stop(counters of this phase) at an accepted iterate.
@@ -238,14 +241,17 @@ class Phases {
     };
     Summary summary = Minimize(fire_, x, [&](const Counters& c) {
       if (!has_second_order_) return false;
-      if (c.iterations == 0) return is_start && IsWorthIt(FireForecast());
+      if (c.iterations == 0) {
+        if (is_start) story_ = Format("from %.1e v %.1e", residual_, scales_.vanishing);
+        return is_start && IsWorthItAtOnce();
+      }
       highest = std::max(highest, residual_);
       if (c.iterations % kFireLook != 0) return false;
       progress.Add(work(c), highest);
       fire_work_ = before + work(c);
-      const bool is_settled = highest <= kSettled;
+      fire_highest_ = highest;
       highest = 0.0;
-      if (c.iterations < kFireLeast || !is_settled) return false;
+      if (c.iterations < kFireLeast || !(fire_highest_ <= kSettled)) return false;
       const double decade = std::clamp(
           progress.PerDecade(), FireDecade(), kSlowest * FireDecade());
       return IsWorthIt(decade * Decades());
@@ -256,10 +262,12 @@ class Phases {
   }
 
   Summary Barrier(double* x) {
+    has_tried_barrier_ = true;
     Progress progress;
     const double fire = FireForecast();
     const double forecast = BarrierForecast();
-    const double start = residual_;
+    // fire's residual goes up and down.
+    const double start = std::max(residual_, fire_highest_);
     double least = residual_;
     Summary summary = Minimize(barrier_, x, [&](const Counters& c) {
       least = std::min(least, residual_);
@@ -309,6 +317,7 @@ class Phases {
   FirstOrderFunction* const function_;
   const SolveOptions& options_;
   bool has_second_order_ = false;
+  bool has_tried_barrier_ = false;
   bool has_tried_interior_ = false;
   bool is_stopped_by_caller_ = false;
   Summary total_;
@@ -320,6 +329,7 @@ class Phases {
 
   std::int64_t fire_iterations_ = 0;
   double fire_work_ = 0.0;
+  double fire_highest_ = 0.0;  // between the last two looks
   double fire_work_at_failure_ = 0.0;
   double second_order_work_ = 0.0;
 };
