@@ -1,24 +1,23 @@
 // The method that a user need not choose: first-order steps where they are
 // cheap, second-order ones where they are not.
 //
-//   fire            from wherever contacts change all over, and far from
-//   jamming interior_point  next to jamming, and where a load is about to
-//   change many
-//                   contacts
-//   barrier         lbfgs:preconditioner=barrier,shift=1e-6, for small loads;
-//                   to end what fire has settled
+//   fire            where contacts change all over, and far from jamming
+//   barrier         lbfgs:preconditioner=barrier,shift=1e-6: small loads, and
+//                   the end of what fire has settled
+//   interior_point  loads that are about to change many contacts
 //
-// Each lowers the energy from wherever the one before left it, so that none
-// returns a worse point. What to begin with, and when to change, follows from
-// what each would still cost. Costs are counts in units of an evaluation of
-// discs, never times. A decade of max|g| is forecast to take fire
+// Each starts from the best point of the one before it, so that none returns a
+// worse one. Costs are counts in units of an evaluation of discs, never times.
+// A decade of max|g| is forecast to take fire
 //   kDecade v^(-1/3) evaluations,   v = Scales::vanishing,
 // v being about the distance from jamming: towards it the lowest frequencies
 // fall, and the steps of first-order methods with them, but not those of the
 // others. What a phase has done so far replaces the forecast, within bounds.
-// The message of the summary names the phases, their work and residuals.
+// Where a second-order phase fails at the start, the other one is tried, then
+// fire. The message of the summary tells residual (in mean forces) and v at the
+// start, and each phase with its work and its last residual.
 //
-// Deviations from the two methods' own defaults: none but that they are stopped
+// Deviations from the methods' own defaults: none but that they are stopped
 // from outside.
 
 #include <algorithm>
@@ -127,7 +126,6 @@ class Phases {
   Summary Run(double* x) {
     Kind kind = Kind::FIRE;
     bool gave_up_before = false;
-    bool is_first = true;
     for (;;) {
       const double before = residual_;
       Summary next = kind == Kind::FIRE      ? Fire(x)
@@ -141,19 +139,23 @@ class Phases {
       const bool is_over =
           !gave_up && !no_memory &&
           (next.reason != StopReason::CALLBACK || is_stopped_by_caller_);
-      total_ = is_first ? std::move(next)
-                        : Joined(std::move(total_), std::move(next));
-      is_first = false;
+      total_ = is_first_ ? std::move(next)
+                         : Joined(std::move(total_), std::move(next));
+      is_first_ = false;
       has_second_order_ = has_second_order_ && !no_memory;
       // Neither of two in a row knows how to go on.
       const bool is_stuck =
           gave_up && kind != Kind::INTERIOR &&
           (gave_up_before || !has_second_order_ || kind == Kind::BARRIER);
-      if (is_over || is_stuck) break;
+      const bool is_spent =
+          total_.counters.evaluations >= options_.max_evaluations;
+      if (is_over || is_stuck || is_spent) break;
       gave_up_before = gave_up && kind == Kind::FIRE && !(residual_ < before);
       kind = Next(kind);
     }
-    total_.message = story_ + ": " + total_.message;
+    if (second_order_work_ > 0.0) {
+      total_.message = story_ + ": " + total_.message;
+    }
     return std::move(total_);
   }
 
@@ -219,14 +221,19 @@ class Phases {
   Summary Minimize(const Solver& solver, double* x, const Stop& stop) {
     SolveOptions rest = Remaining(options_, total_);
     const auto caller = rest.callback;
+    const std::int64_t rest_evaluations = rest.max_evaluations;
     rest.callback = [&](const IterationState& state) {
-      if (caller && !caller(state)) {
+      // The start of a phase is the end of the one before.
+      const bool is_known = !is_first_ && state.counters.iterations == 0;
+      if (caller && !is_known && !caller(state)) {
         is_stopped_by_caller_ = true;
         return false;
       }
       scales_ = state.scales;
       SetResidual(state.max_gradient);
-      return !stop(state.counters);
+      // A spent budget ends the phase with its own reason.
+      return state.counters.evaluations >= rest_evaluations ||
+             !stop(state.counters);
     };
     return solver.Minimize(function_, rest, x);
   }
@@ -242,7 +249,9 @@ class Phases {
     Summary summary = Minimize(fire_, x, [&](const Counters& c) {
       if (!has_second_order_) return false;
       if (c.iterations == 0) {
-        if (is_start) story_ = Format("from %.1e v %.1e", residual_, scales_.vanishing);
+        if (is_start)
+          story_ =
+              Format("from %.1e at v = %.1e", residual_, scales_.vanishing);
         return is_start && IsWorthItAtOnce();
       }
       highest = std::max(highest, residual_);
@@ -251,7 +260,8 @@ class Phases {
       fire_work_ = before + work(c);
       fire_highest_ = highest;
       highest = 0.0;
-      if (c.iterations < kFireLeast || !(fire_highest_ <= kSettled)) return false;
+      if (c.iterations < kFireLeast || !(fire_highest_ <= kSettled))
+        return false;
       const double decade = std::clamp(
           progress.PerDecade(), FireDecade(), kSlowest * FireDecade());
       return IsWorthIt(decade * Decades());
@@ -320,6 +330,7 @@ class Phases {
   bool has_tried_barrier_ = false;
   bool has_tried_interior_ = false;
   bool is_stopped_by_caller_ = false;
+  bool is_first_ = true;
   Summary total_;
   std::string story_;
 
@@ -362,6 +373,7 @@ REGISTER_SOLVER(auto,
                 Auto,
                 "fire, interior_point or lbfgs:preconditioner=barrier, by what "
                 "each would still cost",
-                "this project");
+                "Bitzek et al., Phys. Rev. Lett. 97 (2006) 170201; Mehrotra, "
+                "SIAM J. Optim. 2 (1992) 575; the choice: this project");
 
 }  // namespace granopt

@@ -235,7 +235,7 @@ TEST_P(InvarianceTest, AnyLawIsTheSameUpToRounding) {
   ASSERT_EQ(plain.steps.size(), 7u);
   double size = 0.0;
   for (const Step& step : plain.steps) size = std::max(size, MaxAbs(step.x));
-  const bool is_newton = TraitsOf(GetParam()).solves_quadratics;
+  const bool is_newton = TraitsOf(GetParam()).newton_on_packings;
   const double part = is_newton ? 1e-5 : 1e-12;
   for (std::size_t k = 0; k < (is_newton ? 3 : plain.steps.size()); ++k) {
     std::vector<double> back = other.steps[k].x;

@@ -35,6 +35,8 @@ struct MethodTraits {
   bool solves_quadratics = false;
   // From a random start it may end without a minimum, and say so.
   bool small_loads_only = false;
+  // A step on packings may be one of Newton's.
+  bool newton_on_packings = solves_quadratics;
 };
 
 inline const MethodTraits kMethodTraits[] = {
@@ -54,6 +56,7 @@ inline const MethodTraits kMethodTraits[] = {
     // Its momentum is for conditions of about 1 / (1 - beta)^2.
     {"heavy_ball", "", false, 1e3},
     {"newton", "", false, 1e6, 1e-9, true},
+    {"auto", "", false, 1e6, 1e-9, false, false, true},
     // Where contacts buckle by the hundred, its path leads nowhere.
     {"interior_point", "", false, 1e6, 1e-9, true, true},
 };
