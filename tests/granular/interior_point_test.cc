@@ -19,12 +19,6 @@
 namespace granopt {
 namespace {
 
-Packing Sheared(const char* file, double shear) {
-  Packing packing = ReadData(file);
-  packing.Deform(SimpleShear(packing.dimension(), shear));
-  return packing;
-}
-
 std::vector<double> Zero(const FirstOrderFunction& function) {
   return std::vector<double>(function.NumParameters(), 0.0);
 }

@@ -16,12 +16,6 @@
 namespace granopt {
 namespace {
 
-Packing Sheared(const char* file, double shear) {
-  Packing packing = ReadData(file);
-  packing.Deform(SimpleShear(packing.dimension(), shear));
-  return packing;
-}
-
 Result Relax(const std::string& spec,
              const Packing& packing,
              double alpha,

@@ -50,6 +50,13 @@ inline SmallVector Vector2(double x, double y) {
   return v;
 }
 
+// The packing of a file of tests/data in simple shear.
+inline Packing Sheared(const char* file, double shear) {
+  Packing packing = ReadData(file);
+  packing.Deform(SimpleShear(packing.dimension(), shear));
+  return packing;
+}
+
 // Grains at the columns of `positions`.
 inline Packing MakePacking(const Box& box,
                            const Eigen::MatrixXd& positions,
