@@ -312,6 +312,11 @@ struct LastAnalysis {
   }
 };
 
+LastAnalysis& LastOfThisThread() {
+  thread_local LastAnalysis last;
+  return last;
+}
+
 }  // namespace
 
 SparseCholesky::SparseCholesky(Ordering ordering, Factorizer factorizer)
@@ -323,9 +328,11 @@ Factorizer SparseCholesky::factorizer() const {
                                   : Factorizer::LIBRARY;
 }
 
+void SparseCholesky::ForgetAnalysis() { LastOfThisThread() = LastAnalysis(); }
+
 bool SparseCholesky::Analyze(const SparseMatrix& lower) {
   if (ordering_ == Ordering::AMD && wanted_ != Factorizer::LIBRARY) {
-    thread_local LastAnalysis last;
+    LastAnalysis& last = LastOfThisThread();
     const bool recalls = last.IsOf(lower);
     if (recalls) ++num_recalled_;
     // Without blocks its supernodes are too small to make up for what they are

@@ -44,6 +44,10 @@ class SparseCholesky {
   // False for an ordering that this build is without.
   static bool Has(Ordering ordering);
 
+  // Drops this thread's last analysis, so that the next one is made whatever
+  // was solved before: for measurements.
+  static void ForgetAnalysis();
+
   explicit SparseCholesky(Ordering ordering = Ordering::AMD,
                           Factorizer factorizer = Factorizer::FASTEST);
   ~SparseCholesky();

@@ -85,6 +85,8 @@ TEST(SparseCholesky, RecallsTheLastAnalysisOfTheSamePattern) {
     EXPECT_EQ(solve(2.0 * one, true), 0.5 * first);
     EXPECT_EQ(solve(other, false), second);
     EXPECT_EQ(solve(other, true), second);
+    SparseCholesky::ForgetAnalysis();
+    EXPECT_EQ(solve(other, false), second);
     EXPECT_EQ(solve(one, false), first);
     // Neither the factor nor a refused matrix is remembered.
     SparseCholesky refuses(Ordering::AMD, Factorizer::MULTIFRONTAL);
