@@ -152,12 +152,15 @@ bool ContactEnergy::BuildList(const double* u, std::string* error) const {
 }
 
 void ContactEnergy::SetPairs() const {
-  const auto pad = [](const std::vector<int>& from, std::vector<int>* to) {
-    to->assign(from.size() + kPairPadding, 0);
-    std::copy(from.begin(), from.end(), to->begin());
+  const auto set = [this](const std::vector<int>& grains,
+                          std::vector<int>* at) {
+    at->assign(grains.size() + kPairPadding, 0);
+    std::transform(grains.begin(), grains.end(), at->begin(), [this](int i) {
+      return dimension_ * i;
+    });
   };
-  pad(list_.i, &pairs_.i);
-  pad(list_.j, &pairs_.j);
+  set(list_.i, &pairs_.at_i);
+  set(list_.j, &pairs_.at_j);
   has_self_pairs_ = false;
   for (int p = 0; p < list_.num_pairs(); ++p) {
     has_self_pairs_ = has_self_pairs_ || list_.i[p] == list_.j[p];
@@ -256,8 +259,8 @@ PairView ContactEnergy::View(const PairArrays& pairs,
                              int end) const {
   PairView view;
   view.num_pairs = end - first;
-  view.i = pairs.i.data() + first;
-  view.j = pairs.j.data() + first;
+  view.at_i = pairs.at_i.data() + first;
+  view.at_j = pairs.at_j.data() + first;
   const auto set = [&](const auto& from, auto* to) {
     if (!from.is_current) return;
     for (int k = 0; k < dimension_; ++k) to->r0[k] = from.r0[k].data() + first;
@@ -363,9 +366,9 @@ void ContactEnergy::SetParts() const {
       to->is_current = true;
     };
     if (part.shared_rank.empty()) return;
-    if (part.shared.i.empty()) {
-      copy(pairs_.i, part.shared_rank, &part.shared.i);
-      copy(pairs_.j, part.shared_rank, &part.shared.j);
+    if (part.shared.at_i.empty()) {
+      copy(pairs_.at_i, part.shared_rank, &part.shared.at_i);
+      copy(pairs_.at_j, part.shared_rank, &part.shared.at_j);
       if (!pairs_.stiffness.empty()) {
         copy(pairs_.stiffness, part.shared_rank, &part.shared.stiffness);
       }

@@ -144,7 +144,7 @@ class ContactEnergy : public UnilateralFunction {
     std::vector<T> r0[3], d0, delta0;
   };
   struct PairArrays {
-    std::vector<int> i, j;
+    std::vector<int> at_i, at_j;
     std::vector<double> stiffness;  // empty: all 1
     ReferencePairs<double> reference;
     ReferencePairs<float> single;

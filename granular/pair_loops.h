@@ -34,8 +34,10 @@ struct PairView {
   int first_grain = 0;
   int end_grain = 0;
   bool is_guarded = false;
-  const int* i = nullptr;
-  const int* j = nullptr;
+  // Where the coordinates of the two grains begin, d i and d j: ready for
+  // addresses.
+  const int* at_i = nullptr;
+  const int* at_j = nullptr;
   const double* r0[3] = {};
   const double* d0 = nullptr;
   const double* delta0 = nullptr;

@@ -38,7 +38,7 @@ std::vector<NamedLoops> Runnable(int dimension, double alpha) {
 // The arrays behind a PairView, in plain doubles.
 struct Pairs {
   PairView view;
-  std::vector<int> i, j;
+  std::vector<int> i, j, at_i, at_j;
   std::vector<double> r0[3], d0, delta0, stiffness;
   std::vector<float> single_r0[3], single_d0, single_delta0;
 };
@@ -58,14 +58,16 @@ void MakePairs(const Packing& packing, double skin, bool stiff, Pairs* pairs) {
   const int m = list.num_pairs();
   pairs->i = list.i;
   pairs->j = list.j;
-  pairs->i.resize(m + kPairPadding, 0);
-  pairs->j.resize(m + kPairPadding, 0);
+  pairs->at_i.assign(m + kPairPadding, 0);
+  pairs->at_j.assign(m + kPairPadding, 0);
   pairs->d0.assign(m + kPairPadding, 1.0);
   pairs->delta0.assign(m + kPairPadding, -1.0);
   pairs->stiffness.assign(m + kPairPadding, 1.0);
   for (int c = 0; c < d; ++c) pairs->r0[c].assign(m + kPairPadding, 1.0);
   for (int p = 0; p < m; ++p) {
     const int i = list.i[p], j = list.j[p];
+    pairs->at_i[p] = d * i;
+    pairs->at_j[p] = d * j;
     Eigen::VectorXd r = packing.positions.col(i) - packing.positions.col(j);
     for (int c = 0; c < d; ++c) {
       r += packing.box.edges().col(c) * list.image[p][c];
@@ -79,8 +81,8 @@ void MakePairs(const Packing& packing, double skin, bool stiff, Pairs* pairs) {
   }
   pairs->view.end_grain = packing.size();
   pairs->view.num_pairs = m;
-  pairs->view.i = pairs->i.data();
-  pairs->view.j = pairs->j.data();
+  pairs->view.at_i = pairs->at_i.data();
+  pairs->view.at_j = pairs->at_j.data();
   for (int c = 0; c < d; ++c) pairs->view.r0[c] = pairs->r0[c].data();
   pairs->view.d0 = pairs->d0.data();
   pairs->view.delta0 = pairs->delta0.data();
@@ -221,8 +223,8 @@ void ExpectParts(const Values& all,
     Pairs some = pairs;
     PairView& view = some.view;
     view.num_pairs = std::min(step, m - first);
-    view.i += first;
-    view.j += first;
+    view.at_i += first;
+    view.at_j += first;
     view.d0 += first;
     view.delta0 += first;
     view.single.d0 += first;
