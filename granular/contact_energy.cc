@@ -576,17 +576,21 @@ void ContactEnergy::UpdateStates() const {
 
 void ContactEnergy::UpdatePattern(const double* first) const {
   const int d = dimension_;
-  bool is_kept = pattern_list_version_ == list_version_;
-  for (int p = 0; p < list_.num_pairs() && is_kept; ++p) {
-    is_kept = block_rank_[p] >= 0 || first[p] == 0.0;
+  if (pattern_list_version_ == list_version_) {
+    int outside = 0;  // counted rather than sought: no branches
+    for (int p = 0; p < list_.num_pairs(); ++p) {
+      outside += static_cast<int>(block_rank_[p] < 0) &
+                 static_cast<int>(first[p] != 0.0);
+    }
+    if (outside == 0) return;
   }
-  if (is_kept) return;
   pattern_list_version_ = list_version_;
   ++pattern_version_;
   // The columns of grain i hold the lower part of its own block, then one block
   // for each j > i (several images of j share it); the number of entries is
   // known, so the pattern is written in place.
   block_rank_.assign(list_.num_pairs(), -1);
+  has_shared_blocks_ = false;
   column_start_.assign(NumParameters() + 1, 0);
   const double margin = kPatternMargin * min_radius_;
   for (int i = 0; i < num_grains_; ++i) {
@@ -598,7 +602,11 @@ void ContactEnergy::UpdatePattern(const double* first) const {
         continue;
       }
       if (!(states_.delta[p] > -margin) && first[p] == 0.0) continue;
-      if (list_.j[p] != previous) ++blocks;
+      if (list_.j[p] != previous) {
+        ++blocks;
+      } else {
+        has_shared_blocks_ = true;
+      }
       previous = list_.j[p];
       block_rank_[p] = blocks - 1;
     }
@@ -630,23 +638,31 @@ void ContactEnergy::WriteBlocks(const double* first,
                                 double theta,
                                 SparseMatrix* hessian) const {
   UpdatePattern(first);
-  const int d = dimension_;
   const int n = NumParameters();
-  hessian->resize(n, n);
-  hessian->resizeNonZeros(column_start_[n]);
-  std::copy(
-      column_start_.begin(), column_start_.end(), hessian->outerIndexPtr());
-  std::copy(rows_.begin(), rows_.end(), hessian->innerIndexPtr());
-  std::fill(hessian->valuePtr(), hessian->valuePtr() + column_start_[n], 0.0);
-  AddPairBlocks(d,
-                View(),
-                states_,
-                first,
-                second,
-                theta,
-                block_rank_.data(),
-                column_start_.data(),
-                hessian->valuePtr());
+  // A matrix that has this pattern already, as the one before it often has, is
+  // compared: to read is less than to write.
+  if (!(hessian->rows() == n && hessian->cols() == n &&
+        hessian->isCompressed() && hessian->nonZeros() == column_start_[n] &&
+        std::equal(column_start_.begin(),
+                   column_start_.end(),
+                   hessian->outerIndexPtr()) &&
+        std::equal(rows_.begin(), rows_.end(), hessian->innerIndexPtr()))) {
+    hessian->resize(n, n);
+    hessian->resizeNonZeros(column_start_[n]);
+    std::copy(
+        column_start_.begin(), column_start_.end(), hessian->outerIndexPtr());
+    std::copy(rows_.begin(), rows_.end(), hessian->innerIndexPtr());
+  }
+  WritePairBlocks(
+      dimension_,
+      num_grains_,
+      View(),
+      states_,
+      first,
+      second,
+      theta,
+      {block_rank_.data(), column_start_.data(), has_shared_blocks_},
+      hessian->valuePtr());
 }
 
 bool ContactEnergy::EvaluateStiffness(const double* u,

@@ -225,6 +225,7 @@ class ContactEnergy : public UnilateralFunction {
   mutable std::int64_t pattern_version_ = 0;
   mutable std::int64_t pattern_list_version_ = -1;
   mutable std::vector<int> block_rank_, column_start_, rows_;
+  mutable bool has_shared_blocks_ = false;
   mutable Displacement moved_;         // of the last evaluation
   mutable double last_overlap_ = 0.0;  // mean, of the last evaluation
 };
