@@ -653,16 +653,13 @@ void ContactEnergy::WriteBlocks(const double* first,
         column_start_.begin(), column_start_.end(), hessian->outerIndexPtr());
     std::copy(rows_.begin(), rows_.end(), hessian->innerIndexPtr());
   }
-  WritePairBlocks(
-      dimension_,
-      num_grains_,
-      View(),
-      states_,
-      first,
-      second,
-      theta,
-      {block_rank_.data(), column_start_.data(), has_shared_blocks_},
-      hessian->valuePtr());
+  loops_.blocks(View(),
+                states_,
+                first,
+                second,
+                theta,
+                {block_rank_.data(), column_start_.data(), has_shared_blocks_},
+                hessian->valuePtr());
 }
 
 bool ContactEnergy::EvaluateStiffness(const double* u,
