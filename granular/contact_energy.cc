@@ -143,6 +143,7 @@ bool ContactEnergy::BuildList(const double* u, std::string* error) const {
   }
   if (found) {
     std::copy(u, u + NumParameters(), u_list_.begin());
+    UpdateReferenceFromList();
     ++list_version_;
     evaluations_since_build_ = 0;
   }
@@ -439,6 +440,14 @@ ContactSums ContactEnergy::Sweep(double* gradient) const {
   return total;
 }
 
+void ContactEnergy::UpdateReferenceFromList() const {
+  reference_from_list_ = 0.0;
+  for (int v = 0; v < NumParameters(); ++v) {
+    reference_from_list_ =
+        std::max(reference_from_list_, std::abs(u_reference_[v] - u_list_[v]));
+  }
+}
+
 bool ContactEnergy::HasLeftSkin(const double* u, double usable) const {
   for (int i = 0; i < num_grains_; ++i) {
     double moved2 = 0.0;
@@ -454,11 +463,26 @@ bool ContactEnergy::Prepare(const double* u) const {
   const int d = dimension_;
   const int n = NumParameters();
   const double usable = 0.5 * kUsableSkin * skin_;
-  moved_ = Displace(u, u_list_.data());
+  // No grain has moved by more than sqrt(d) times its largest coordinate, and
+  // none is farther from the list than from the reference and that from the
+  // list: as long as this is enough, u_list_ stays in memory.
+  const auto is_within = [d, usable](double most) {
+    return d * most * most <= usable * usable;
+  };
+  const auto is_bounded = [&]() {
+    return is_within(moved_.from_reference + reference_from_list_);
+  };
+  bool stays = false;
+  if (is_bounded()) {
+    moved_ = Displace(u, u_reference_.data());
+    stays = is_bounded();
+  }
+  if (!stays) {
+    moved_ = Displace(u, u_list_.data());
+    stays = is_within(moved_.from_list);
+  }
   if (!moved_.is_finite) return false;
-  // No grain has moved by more than sqrt(d) times its largest coordinate.
-  if (d * moved_.from_list * moved_.from_list > usable * usable &&
-      HasLeftSkin(u, usable)) {
+  if (!stays && HasLeftSkin(u, usable)) {
     double max_u = 0.0;
     for (int v = 0; v < n; ++v) max_u = std::max(max_u, std::abs(u[v]));
     double least_height = packing_.box.Height(0);
@@ -517,6 +541,7 @@ bool ContactEnergy::Recenter(const double* u) {
   const Displacement moved = Displace(u, u);
   if (!moved.is_finite || !is_far(moved.from_reference)) return false;
   std::copy(u, u + NumParameters(), u_reference_.begin());
+  UpdateReferenceFromList();
   RenewReferencePairs();
   return true;
 }
@@ -532,6 +557,7 @@ bool ContactEnergy::Rebase(double* u) {
     u_reference_[v] = 0.0;
     u[v] = 0.0;
   }
+  UpdateReferenceFromList();
   RenewReferencePairs();
   return true;
 }
