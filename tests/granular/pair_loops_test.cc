@@ -349,6 +349,102 @@ TEST(PairLoops, StatesAndLawsHaveTheSameBitsAndMakeUpTheSums) {
   }
 }
 
+// Each pair has a block, images of one grain the same one, but for one pair in
+// seven, which has none.
+struct Pattern {
+  Pattern(const Pairs& pairs, int d, int n) : rank(pairs.view.num_pairs) {
+    column_start.assign(d * n + 1, 0);
+    int p = 0;
+    for (int i = 0; i < n; ++i) {
+      int blocks = 0, previous = i;
+      for (; p < pairs.view.num_pairs && pairs.i[p] == i; ++p) {
+        rank[p] = -1;
+        if (pairs.j[p] == i || (n > 3 && p % 7 == 0)) continue;
+        view.has_shared_blocks |= pairs.j[p] == previous;
+        blocks += pairs.j[p] == previous ? 0 : 1;
+        previous = pairs.j[p];
+        rank[p] = blocks - 1;
+      }
+      for (int c = 0; c < d; ++c) {
+        column_start[d * i + c + 1] =
+            column_start[d * i + c] + (d - c) + d * blocks;
+      }
+    }
+    view.rank = rank.data();
+    view.column_start = column_start.data();
+  }
+
+  std::vector<int> rank, column_start;
+  BlockPattern view;
+};
+
+TEST(PairLoops, BlocksHaveTheSameBitsAndTheDefinition) {
+  for (const int d : {2, 3}) {
+    for (const int n : {3, 61}) {
+      SCOPED_TRACE(testing::Message() << d << "D, " << n << " grains");
+      const Packing packing = RandomPacking(d, n, n == 3 ? 3.9 : 0.95, 5);
+      const std::vector<double> w(d * n, 0.0);
+      Pairs pairs;
+      MakePairs(packing, 0.6, /*stiff=*/true, &pairs);
+      const Pattern pattern(pairs, d, n);
+      EXPECT_EQ(pattern.view.has_shared_blocks, n == 3);
+      const std::size_t m = pairs.view.num_pairs;
+      std::vector<double> first(m), second(m);
+      for (std::size_t p = 0; p < m; ++p) {
+        first[p] = 1.0 + std::sin(3.0 * p);
+        second[p] = std::cos(5.0 * p);
+      }
+      constexpr double kTheta = 0.7;
+      std::vector<double> of_first_set;
+      for (const NamedLoops& set : Runnable(d, 2.0)) {
+        SCOPED_TRACE(set.name);
+        std::vector<std::vector<double>> arrays(
+            4 + d, std::vector<double>(m + kPairPadding));
+        PairStates states;
+        states.delta = arrays[0].data();
+        states.distance = arrays[1].data();
+        states.force = arrays[2].data();
+        states.stiffness = arrays[3].data();
+        for (int c = 0; c < d; ++c) states.normal[c] = arrays[4 + c].data();
+        set.loops.states(pairs.view, 2.0, w.data(), states);
+        // Centres that coincide: no block.
+        states.distance[1] = 0.0;
+        for (int c = 0; c < d; ++c) states.normal[c][1] = 0.0;
+        std::vector<double> values(pattern.column_start.back(), std::nan(""));
+        set.loops.blocks(pairs.view,
+                         states,
+                         first.data(),
+                         second.data(),
+                         kTheta,
+                         pattern.view,
+                         values.data());
+        if (of_first_set.empty()) of_first_set = values;
+        EXPECT_EQ(values, of_first_set);
+        std::vector<long double> exact(values.size(), 0.0L);
+        for (std::size_t p = 0; p < m; ++p) {
+          if (pattern.rank[p] < 0 || p == 1) continue;
+          const long double t = kTheta * second[p] / states.distance[p];
+          for (int c = 0; c < d; ++c) {
+            for (int r = 0; r < d; ++r) {
+              const long double k =
+                  (first[p] + t) * states.normal[r][p] * states.normal[c][p] -
+                  (r == c ? t : 0.0L);
+              const int column = pattern.column_start[d * pairs.i[p] + c];
+              exact[column + (d - c) + d * pattern.rank[p] + r] -= k;
+              if (r < c) continue;
+              exact[column + r - c] += k;
+              exact[pattern.column_start[d * pairs.j[p] + c] + r - c] += k;
+            }
+          }
+        }
+        for (std::size_t v = 0; v < values.size(); ++v) {
+          EXPECT_NEAR(values[v], static_cast<double>(exact[v]), 1e-13);
+        }
+      }
+    }
+  }
+}
+
 TEST(PairLoops, DisplacementsAreDifferencesAndTheirLargest) {
   for (const NamedLoops& set : Runnable(2, 2.0)) {
     SCOPED_TRACE(set.name);
