@@ -143,6 +143,7 @@ bool ContactEnergy::BuildList(const double* u, std::string* error) const {
   }
   if (found) {
     std::copy(u, u + NumParameters(), u_list_.begin());
+    UpdateReferenceFromList();
     ++list_version_;
     evaluations_since_build_ = 0;
   }
@@ -152,12 +153,15 @@ bool ContactEnergy::BuildList(const double* u, std::string* error) const {
 }
 
 void ContactEnergy::SetPairs() const {
-  const auto pad = [](const std::vector<int>& from, std::vector<int>* to) {
-    to->assign(from.size() + kPairPadding, 0);
-    std::copy(from.begin(), from.end(), to->begin());
+  const auto set = [this](const std::vector<int>& grains,
+                          std::vector<int>* at) {
+    at->assign(grains.size() + kPairPadding, 0);
+    std::transform(grains.begin(), grains.end(), at->begin(), [this](int i) {
+      return dimension_ * i;
+    });
   };
-  pad(list_.i, &pairs_.i);
-  pad(list_.j, &pairs_.j);
+  set(list_.i, &pairs_.at_i);
+  set(list_.j, &pairs_.at_j);
   has_self_pairs_ = false;
   for (int p = 0; p < list_.num_pairs(); ++p) {
     has_self_pairs_ = has_self_pairs_ || list_.i[p] == list_.j[p];
@@ -256,8 +260,8 @@ PairView ContactEnergy::View(const PairArrays& pairs,
                              int end) const {
   PairView view;
   view.num_pairs = end - first;
-  view.i = pairs.i.data() + first;
-  view.j = pairs.j.data() + first;
+  view.at_i = pairs.at_i.data() + first;
+  view.at_j = pairs.at_j.data() + first;
   const auto set = [&](const auto& from, auto* to) {
     if (!from.is_current) return;
     for (int k = 0; k < dimension_; ++k) to->r0[k] = from.r0[k].data() + first;
@@ -363,9 +367,9 @@ void ContactEnergy::SetParts() const {
       to->is_current = true;
     };
     if (part.shared_rank.empty()) return;
-    if (part.shared.i.empty()) {
-      copy(pairs_.i, part.shared_rank, &part.shared.i);
-      copy(pairs_.j, part.shared_rank, &part.shared.j);
+    if (part.shared.at_i.empty()) {
+      copy(pairs_.at_i, part.shared_rank, &part.shared.at_i);
+      copy(pairs_.at_j, part.shared_rank, &part.shared.at_j);
       if (!pairs_.stiffness.empty()) {
         copy(pairs_.stiffness, part.shared_rank, &part.shared.stiffness);
       }
@@ -436,6 +440,14 @@ ContactSums ContactEnergy::Sweep(double* gradient) const {
   return total;
 }
 
+void ContactEnergy::UpdateReferenceFromList() const {
+  reference_from_list_ = 0.0;
+  for (int v = 0; v < NumParameters(); ++v) {
+    reference_from_list_ =
+        std::max(reference_from_list_, std::abs(u_reference_[v] - u_list_[v]));
+  }
+}
+
 bool ContactEnergy::HasLeftSkin(const double* u, double usable) const {
   for (int i = 0; i < num_grains_; ++i) {
     double moved2 = 0.0;
@@ -451,11 +463,26 @@ bool ContactEnergy::Prepare(const double* u) const {
   const int d = dimension_;
   const int n = NumParameters();
   const double usable = 0.5 * kUsableSkin * skin_;
-  moved_ = Displace(u, u_list_.data());
+  // No grain has moved by more than sqrt(d) times its largest coordinate, and
+  // none is farther from the list than from the reference and that from the
+  // list: as long as this is enough, u_list_ stays in memory.
+  const auto is_within = [d, usable](double most) {
+    return d * most * most <= usable * usable;
+  };
+  const auto is_bounded = [&]() {
+    return is_within(moved_.from_reference + reference_from_list_);
+  };
+  bool stays = false;
+  if (is_bounded()) {
+    moved_ = Displace(u, u_reference_.data());
+    stays = is_bounded();
+  }
+  if (!stays) {
+    moved_ = Displace(u, u_list_.data());
+    stays = is_within(moved_.from_list);
+  }
   if (!moved_.is_finite) return false;
-  // No grain has moved by more than sqrt(d) times its largest coordinate.
-  if (d * moved_.from_list * moved_.from_list > usable * usable &&
-      HasLeftSkin(u, usable)) {
+  if (!stays && HasLeftSkin(u, usable)) {
     double max_u = 0.0;
     for (int v = 0; v < n; ++v) max_u = std::max(max_u, std::abs(u[v]));
     double least_height = packing_.box.Height(0);
@@ -514,6 +541,7 @@ bool ContactEnergy::Recenter(const double* u) {
   const Displacement moved = Displace(u, u);
   if (!moved.is_finite || !is_far(moved.from_reference)) return false;
   std::copy(u, u + NumParameters(), u_reference_.begin());
+  UpdateReferenceFromList();
   RenewReferencePairs();
   return true;
 }
@@ -529,6 +557,7 @@ bool ContactEnergy::Rebase(double* u) {
     u_reference_[v] = 0.0;
     u[v] = 0.0;
   }
+  UpdateReferenceFromList();
   RenewReferencePairs();
   return true;
 }
@@ -573,17 +602,21 @@ void ContactEnergy::UpdateStates() const {
 
 void ContactEnergy::UpdatePattern(const double* first) const {
   const int d = dimension_;
-  bool is_kept = pattern_list_version_ == list_version_;
-  for (int p = 0; p < list_.num_pairs() && is_kept; ++p) {
-    is_kept = block_rank_[p] >= 0 || first[p] == 0.0;
+  if (pattern_list_version_ == list_version_) {
+    int outside = 0;  // counted rather than sought: no branches
+    for (int p = 0; p < list_.num_pairs(); ++p) {
+      outside += static_cast<int>(block_rank_[p] < 0) &
+                 static_cast<int>(first[p] != 0.0);
+    }
+    if (outside == 0) return;
   }
-  if (is_kept) return;
   pattern_list_version_ = list_version_;
   ++pattern_version_;
   // The columns of grain i hold the lower part of its own block, then one block
   // for each j > i (several images of j share it); the number of entries is
   // known, so the pattern is written in place.
   block_rank_.assign(list_.num_pairs(), -1);
+  has_shared_blocks_ = false;
   column_start_.assign(NumParameters() + 1, 0);
   const double margin = kPatternMargin * min_radius_;
   for (int i = 0; i < num_grains_; ++i) {
@@ -595,7 +628,11 @@ void ContactEnergy::UpdatePattern(const double* first) const {
         continue;
       }
       if (!(states_.delta[p] > -margin) && first[p] == 0.0) continue;
-      if (list_.j[p] != previous) ++blocks;
+      if (list_.j[p] != previous) {
+        ++blocks;
+      } else {
+        has_shared_blocks_ = true;
+      }
       previous = list_.j[p];
       block_rank_[p] = blocks - 1;
     }
@@ -627,22 +664,27 @@ void ContactEnergy::WriteBlocks(const double* first,
                                 double theta,
                                 SparseMatrix* hessian) const {
   UpdatePattern(first);
-  const int d = dimension_;
   const int n = NumParameters();
-  hessian->resize(n, n);
-  hessian->resizeNonZeros(column_start_[n]);
-  std::copy(
-      column_start_.begin(), column_start_.end(), hessian->outerIndexPtr());
-  std::copy(rows_.begin(), rows_.end(), hessian->innerIndexPtr());
-  std::fill(hessian->valuePtr(), hessian->valuePtr() + column_start_[n], 0.0);
-  AddPairBlocks(d,
-                View(),
+  // A matrix that has this pattern already, as the one before it often has, is
+  // compared: to read is less than to write.
+  if (!(hessian->rows() == n && hessian->cols() == n &&
+        hessian->isCompressed() && hessian->nonZeros() == column_start_[n] &&
+        std::equal(column_start_.begin(),
+                   column_start_.end(),
+                   hessian->outerIndexPtr()) &&
+        std::equal(rows_.begin(), rows_.end(), hessian->innerIndexPtr()))) {
+    hessian->resize(n, n);
+    hessian->resizeNonZeros(column_start_[n]);
+    std::copy(
+        column_start_.begin(), column_start_.end(), hessian->outerIndexPtr());
+    std::copy(rows_.begin(), rows_.end(), hessian->innerIndexPtr());
+  }
+  loops_.blocks(View(),
                 states_,
                 first,
                 second,
                 theta,
-                block_rank_.data(),
-                column_start_.data(),
+                {block_rank_.data(), column_start_.data(), has_shared_blocks_},
                 hessian->valuePtr());
 }
 

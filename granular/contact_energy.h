@@ -144,7 +144,7 @@ class ContactEnergy : public UnilateralFunction {
     std::vector<T> r0[3], d0, delta0;
   };
   struct PairArrays {
-    std::vector<int> i, j;
+    std::vector<int> at_i, at_j;
     std::vector<double> stiffness;  // empty: all 1
     ReferencePairs<double> reference;
     ReferencePairs<float> single;
@@ -162,6 +162,7 @@ class ContactEnergy : public UnilateralFunction {
   bool Prepare(const double* u) const;
   Displacement Displace(const double* u, const double* u_list) const;
   bool HasLeftSkin(const double* u, double usable) const;
+  void UpdateReferenceFromList() const;
   bool BuildList(const double* u, std::string* error) const;
   // The arrays of PairView for the list as it is.
   void SetPairs() const;
@@ -225,8 +226,10 @@ class ContactEnergy : public UnilateralFunction {
   mutable std::int64_t pattern_version_ = 0;
   mutable std::int64_t pattern_list_version_ = -1;
   mutable std::vector<int> block_rank_, column_start_, rows_;
-  mutable Displacement moved_;         // of the last evaluation
-  mutable double last_overlap_ = 0.0;  // mean, of the last evaluation
+  mutable bool has_shared_blocks_ = false;
+  mutable Displacement moved_;                // of the last evaluation
+  mutable double reference_from_list_ = 0.0;  // max |u_ref - u_list|
+  mutable double last_overlap_ = 0.0;         // mean, of the last evaluation
 };
 
 }  // namespace granopt

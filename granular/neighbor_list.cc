@@ -17,6 +17,22 @@ struct Entry {
   Image image;
 };
 
+bool IsBefore(const Entry& a, const Entry& b) {
+  return a.j != b.j ? a.j < b.j : a.image < b.image;
+}
+
+// Most rows have two or three entries.
+void SortRow(Entry* begin, Entry* end) {
+  constexpr int kShort = 16;
+  if (end - begin > kShort) return std::sort(begin, end, IsBefore);
+  for (Entry* next = begin + 1; next < end; ++next) {
+    const Entry entry = *next;
+    Entry* to = next;
+    for (; to > begin && IsBefore(entry, to[-1]); --to) *to = to[-1];
+    *to = entry;
+  }
+}
+
 // The grains of one size class, binned in fractional coordinates.
 struct Level {
   double max_radius = 0.0;
@@ -310,11 +326,8 @@ bool Build(const Box& given_box,
   ForEach(pieces, [&](int piece) {
     const int end_row = std::min(n, (piece + 1) * kPiece);
     for (int i = piece * kPiece; i < end_row; ++i) {
-      std::sort(sorted.begin() + list->row_start[i],
-                sorted.begin() + list->row_start[i + 1],
-                [](const Entry& a, const Entry& b) {
-                  return a.j != b.j ? a.j < b.j : a.image < b.image;
-                });
+      SortRow(sorted.data() + list->row_start[i],
+              sorted.data() + list->row_start[i + 1]);
       for (int p = list->row_start[i]; p < list->row_start[i + 1]; ++p) {
         list->i[p] = i;
         list->j[p] = sorted[p].j;

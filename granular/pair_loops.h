@@ -34,8 +34,10 @@ struct PairView {
   int first_grain = 0;
   int end_grain = 0;
   bool is_guarded = false;
-  const int* i = nullptr;
-  const int* j = nullptr;
+  // Where the coordinates of the two grains begin, d i and d j: ready for
+  // addresses.
+  const int* at_i = nullptr;
+  const int* at_j = nullptr;
   const double* r0[3] = {};
   const double* d0 = nullptr;
   const double* delta0 = nullptr;
@@ -95,6 +97,30 @@ using FindStates = void (*)(const PairView& pairs,
                             const double* w,
                             const PairStates& states);
 
+// The lower triangle of a column-compressed matrix with one block row and
+// column a grain.
+struct BlockPattern {
+  // The place of each pair's block below the diagonal of its column, -1 for
+  // none; each block is some pair's.
+  const int* rank = nullptr;
+  const int* column_start = nullptr;  // one entry per scalar column, and an end
+  // Do several pairs, images of one, share a block?
+  bool has_shared_blocks = false;
+};
+
+// The sum over pairs p with rank[p] >= 0 of the d x d blocks
+//   K = first[p] n (x) n - theta (second[p] / l) (1 - n (x) n):
+// K in the diagonal blocks of i and j, -K in block (j, i). first = f', second =
+// f and theta = 1 make the Hessian (9). An image of a grain moves with it:
+// pairs with i = j add nothing. `pairs` are those of all grains.
+using WriteBlocks = void (*)(const PairView& pairs,
+                             const PairStates& states,
+                             const double* first,
+                             const double* second,
+                             double theta,
+                             const BlockPattern& pattern,
+                             double* values);
+
 // Force and stiffness of m overlaps >= 0 at k = 1.
 using ApplyLaw = void (*)(
     double alpha, int m, const double* delta, double* force, double* stiffness);
@@ -107,6 +133,7 @@ struct PairLoops {
   PairSweep single_sweep = nullptr;
   Narrow narrow = nullptr;
   FindStates states = nullptr;
+  WriteBlocks blocks = nullptr;
   ApplyLaw law = nullptr;
   Displace displace = nullptr;
 };

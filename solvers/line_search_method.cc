@@ -7,7 +7,7 @@
 #include "Eigen/Core"
 #include "solvers/monitor.h"
 #include "solvers/step_search.h"
-#include "solvers/vector_blocks.h"
+#include "solvers/vector_loops.h"
 
 namespace granopt {
 

@@ -6,10 +6,9 @@
 #include <limits>
 #include <utility>
 
-#include "Eigen/Core"
 #include "glog/logging.h"
 #include "solvers/format.h"
-#include "solvers/vector_blocks.h"
+#include "solvers/vector_loops.h"
 
 namespace granopt {
 namespace {
@@ -34,25 +33,6 @@ constexpr std::int64_t kPatienceAtRoundoff = 200;
 constexpr double kRoundoff = 20.0;
 // ... or, whatever the gradient is, in so many.
 constexpr std::int64_t kPatience = 10000;
-
-// Not finite if an entry is not: an infinity or a NaN less itself is NaN.
-double MaxNorm(const double* v, int n) {
-  const Eigen::Map<const Eigen::ArrayXd> all(v, n);
-  // The largest, and 0 if all are finite.
-  const std::vector<double> norms = ReduceBlocks(
-      n,
-      2,
-      [&](int at, int length, double* so_far) {
-        const auto part = all.segment(at, length);
-        so_far[0] = std::max(so_far[0], part.abs().maxCoeff());
-        so_far[1] += (part - part).sum();
-      },
-      [](const double* part, double* so_far) {
-        so_far[0] = std::max(so_far[0], part[0]);
-        so_far[1] += part[1];
-      });
-  return norms[0] + norms[1];
-}
 
 // Index of the first entry that is not finite.
 int FirstNotFinite(const double* v, int n) {
@@ -195,7 +175,7 @@ bool Monitor::Evaluate(const double* x,
                        static_cast<long long>(counters_.evaluations)));
   };
   evaluated_ = {};
-  const double max_x = MaxNorm(x, n_);
+  const double max_x = MaxNorm(n_, x);
   if (!std::isfinite(max_x)) {
     const int bad = FirstNotFinite(x, n_);
     return named(Format("x[%d]", bad).c_str(), x[bad]);
@@ -215,7 +195,7 @@ bool Monitor::Evaluate(const double* x,
   }
   if (!std::isfinite(*cost)) return named("cost", *cost);
   if (gradient != nullptr) {
-    const double max_gradient = MaxNorm(gradient, n_);
+    const double max_gradient = MaxNorm(n_, gradient);
     if (!std::isfinite(max_gradient)) {
       const int bad = FirstNotFinite(gradient, n_);
       return named(Format("gradient[%d]", bad).c_str(), gradient[bad]);
@@ -272,10 +252,10 @@ bool Monitor::Accept(const double* x,
                      const Scales& scales) {
   const double max_gradient = gradient == evaluated_.gradient
                                   ? evaluated_.max_gradient
-                                  : MaxNorm(gradient, n_);
+                                  : MaxNorm(n_, gradient);
   if (started_) ++counters_.iterations;
   last_max_gradient_ = max_gradient;
-  last_max_x_ = x == evaluated_.x ? evaluated_.max_x : MaxNorm(x, n_);
+  last_max_x_ = x == evaluated_.x ? evaluated_.max_x : MaxNorm(n_, x);
   last_scales_ = scales;
   if (!(scales.gradient > 0.0 && scales.length > 0.0)) {
     double square = 0.0;
@@ -287,9 +267,7 @@ bool Monitor::Accept(const double* x,
   const bool is_first = !started_ || is_refined_;
   is_refined_ = false;
   if (is_first || IsBetter(cost, max_gradient)) {
-    ForVectorPieces(n_, [&](int at, int length) {
-      std::copy(x + at, x + at + length, best_x_.begin() + at);
-    });
+    CopyVector(n_, x, best_x_.data());
     best_cost_ = cost;
     best_max_gradient_ = max_gradient;
     best_scales_ = scales;

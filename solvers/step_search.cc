@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "solvers/vector_blocks.h"
+#include "solvers/vector_loops.h"
 
 namespace granopt {
 
@@ -25,14 +25,12 @@ LineSearchResult StepSearch::Search(const LineSearchOptions& options,
     if (monitor->BudgetSpent()) return LineEvaluation::STOP;
     if (p->step > 0.0 && p->step == last_step) swap_kept();
     last_step = step;
-    ForBlocks(static_cast<int>(d.size()), [&](int at, int length) {
-      x.segment(at, length) =
-          x0.segment(at, length) + step * d.segment(at, length);
-    });
+    const int n = static_cast<int>(d.size());
+    Combine(n, 1.0, x0.data(), step, d.data(), x.data());
     if (!monitor->Evaluate(x.data(), &cost, g.data(), &scales)) {
       return LineEvaluation::NOT_FINITE;
     }
-    *p = {step, cost, Dot(static_cast<int>(d.size()), g.data(), d.data())};
+    *p = {step, cost, Dot(n, g.data(), d.data())};
     return LineEvaluation::OK;
   };
   LineSearchOptions here = options;

@@ -34,7 +34,7 @@
 #include "solvers/monitor.h"
 #include "solvers/preconditioner.h"
 #include "solvers/registry.h"
-#include "solvers/vector_blocks.h"
+#include "solvers/vector_loops.h"
 
 namespace granopt {
 namespace {
@@ -115,19 +115,10 @@ class Fire : public Solver {
       const VectorXd& z_before =
           preconditioner != nullptr ? z_before_own : g_before;
 
-      const auto products =
-          SumBlocks(n, 3, [&](int at, int length, double* sums) {
-            const auto gb = g.segment(at, length);
-            const auto vb = v.segment(at, length);
-            sums[0] += gb.dot(vb);
-            sums[1] += gb.dot(z.segment(at, length));
-            sums[2] += vb.squaredNorm();
-          });
-      double gv = products[0];
-      const double gz = products[1];
-      double vv = products[2];
-      // |v|^2 in P.
+      auto [gv, gz, vv] = Dots(n, g.data(), v.data());
       if (preconditioner != nullptr) {
+        gz = Dot(n, g.data(), z.data());
+        // |v|^2 in P.
         vv = preconditioner->Dot(v.data(), v.data(), n);
       }
       if (gv < 0.0) {
@@ -165,11 +156,7 @@ class Fire : public Solver {
                                  : std::numeric_limits<double>::infinity());
       const double keep = 1.0 - mixing;
       const double push = (keep * h + b) * unit;
-      ForBlocks(n, [&](int at, int length) {
-        auto vb = v.segment(at, length);
-        vb = keep * vb - push * z.segment(at, length);
-        x.segment(at, length) += h * vb;
-      });
+      Move(n, keep, push, z.data(), h, v.data(), x.data());
       std::swap(g, g_before);  // z, if it is one of them, has been used
       if (preconditioner != nullptr) std::swap(z_own, z_before_own);
       last_h = h;

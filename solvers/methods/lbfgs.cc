@@ -16,7 +16,7 @@
 #include "Eigen/Core"
 #include "solvers/line_search_method.h"
 #include "solvers/registry.h"
-#include "solvers/vector_blocks.h"
+#include "solvers/vector_loops.h"
 
 namespace granopt {
 namespace {
@@ -47,51 +47,55 @@ class LbfgsRule : public DirectionRule {
                    const double* z,
                    double unit,
                    double* d) override {
-    Eigen::Map<VectorXd> r(d, n_);
     if (count_ == 0) {
-      r = -unit * ConstMap(z, n_);
+      Eigen::Map<VectorXd>(d, n_) = -unit * ConstMap(z, n_);
       return 1.0;
     }
-    // q = g - sum a_i y_i, and r = P^-1 q. Each pass through memory changes
-    // them by one pair and takes the product with the next one.
-    Eigen::Map<VectorXd> q(preconditioned_ ? q_.data() : d, n_);
-    double product = SumBlocks(n_, 1, [&](int at, int length, double* sum) {
-      q.segment(at, length) = ConstMap(g, n_).segment(at, length);
-      if (preconditioned_) {
-        r.segment(at, length) = ConstMap(z, n_).segment(at, length);
-      }
-      *sum += Newest(1).s.segment(at, length).dot(q.segment(at, length));
-    })[0];
+    // q = g - sum a_i y_i, and r = P^-1 q, which is q without P. Each pass
+    // through memory changes them by one pair and takes the product with the
+    // next one.
     const double scale = rescales_ ? Newest(1).sy / Newest(1).yw : 1.0;
+    const double* q = g;
+    const double* r = z;
+    double* const q_next = preconditioned_ ? q_.data() : d;
+    double product = Dot(n_, Newest(1).s.data(), g);
     for (int k = 1; k <= count_; ++k) {
       Pair& pair = Newest(k);
       pair.a = product / pair.sy;
-      product = SumBlocks(n_, 1, [&](int at, int length, double* sum) {
-        q.segment(at, length) -= pair.a * pair.y.segment(at, length);
-        if (preconditioned_) {
-          r.segment(at, length) -= pair.a * pair.w.segment(at, length);
-        }
-        if (k < count_) {
-          *sum +=
-              Newest(k + 1).s.segment(at, length).dot(q.segment(at, length));
+      const bool is_last = k == count_;
+      const double rescale = is_last ? scale : 1.0;
+      const double* const y = pair.y.data();
+      if (!preconditioned_) {
+        product = Combine(n_,
+                          rescale,
+                          q,
+                          -pair.a,
+                          y,
+                          q_next,
+                          is_last ? y : Newest(k + 1).s.data());
+      } else {
+        const double* const w = pair.w.data();
+        if (!is_last) {
+          product =
+              Combine(n_, 1.0, q, -pair.a, y, q_next, Newest(k + 1).s.data());
+          Combine(n_, 1.0, r, -pair.a, w, d);
         } else {
-          r.segment(at, length) *= scale;
-          *sum += pair.y.segment(at, length).dot(r.segment(at, length));
+          product = Combine(n_, rescale, r, -pair.a, w, d, y);
         }
-      })[0];
+        r = d;
+      }
+      q = q_next;
     }
     for (int k = count_; k >= 1; --k) {
       const Pair& pair = Newest(k);
       const double part = pair.a - product / pair.sy;
-      product = SumBlocks(n_, 1, [&](int at, int length, double* sum) {
-        r.segment(at, length) += part * pair.s.segment(at, length);
-        if (k > 1) {
-          *sum +=
-              Newest(k - 1).y.segment(at, length).dot(r.segment(at, length));
-        } else {
-          r.segment(at, length) = -r.segment(at, length);
-        }
-      })[0];
+      product = Combine(n_,
+                        k > 1 ? 1.0 : -1.0,
+                        d,
+                        part,
+                        pair.s.data(),
+                        d,
+                        k > 1 ? Newest(k - 1).y.data() : nullptr);
     }
     return 1.0;
   }
@@ -99,27 +103,19 @@ class LbfgsRule : public DirectionRule {
   void Taken(const Step& step) override {
     Pair& pair = pairs_[next_];
     // The norms squared, so that no square root spoils the invariance of units.
-    const auto products =
-        SumBlocks(n_, 4, [&](int at, int length, double* sums) {
-          auto s = pair.s.segment(at, length);
-          auto y = pair.y.segment(at, length);
-          s = ConstMap(step.x_new, n_).segment(at, length) -
-              ConstMap(step.x, n_).segment(at, length);
-          y = ConstMap(step.g_new, n_).segment(at, length) -
-              ConstMap(step.g, n_).segment(at, length);
-          if (preconditioned_) {
-            auto w = pair.w.segment(at, length);
-            w = ConstMap(step.z_new, n_).segment(at, length) -
-                ConstMap(step.z, n_).segment(at, length);
-            sums[3] += y.dot(w);
-          }
-          sums[0] += s.dot(y);
-          sums[1] += y.squaredNorm();
-          sums[2] += s.squaredNorm();
-        });
-    pair.sy = products[0];
-    const double yy = products[1], ss = products[2], yw = products[3];
-    pair.yw = preconditioned_ ? yw : yy;
+    const auto [sy, ss, yy] = Differences(n_,
+                                          step.x_new,
+                                          step.x,
+                                          step.g_new,
+                                          step.g,
+                                          pair.s.data(),
+                                          pair.y.data());
+    pair.sy = sy;
+    pair.yw = yy;
+    if (preconditioned_) {
+      pair.yw = Combine(
+          n_, 1.0, step.z_new, -1.0, step.z, pair.w.data(), pair.y.data());
+    }
     if (!(pair.sy > 0.0 && pair.yw > 0.0) ||
         !(pair.sy / ss * (pair.sy / yy) > kLeastCurvature * kLeastCurvature)) {
       // It has been written over the oldest one.

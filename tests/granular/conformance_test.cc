@@ -471,11 +471,12 @@ TEST_P(Conformance, RebasesWhereRoundingLimits) {
   EXPECT_LE(run.summary.counters.rebases, 3);
   ExpectSound(f, run.x, run);
   if (traits().foreign) return;
-  // Histories are kept: not many more iterations than from an origin of zero.
+  // Histories are kept: not many more iterations than from an origin of zero,
+  // but for those that the rounding of 1e8 makes before.
   const Result plain = Minimize(
       spec(), &quadratic, std::vector<double>(20, 0.0), Tolerance(1e-12));
   EXPECT_LE(run.summary.counters.iterations,
-            1.3 * plain.summary.counters.iterations + 20);
+            1.3 * plain.summary.counters.iterations + 30);
 }
 
 TEST_P(Conformance, NoRebaseWhereNoneIsPossible) {

@@ -38,7 +38,7 @@ std::vector<NamedLoops> Runnable(int dimension, double alpha) {
 // The arrays behind a PairView, in plain doubles.
 struct Pairs {
   PairView view;
-  std::vector<int> i, j;
+  std::vector<int> i, j, at_i, at_j;
   std::vector<double> r0[3], d0, delta0, stiffness;
   std::vector<float> single_r0[3], single_d0, single_delta0;
 };
@@ -58,14 +58,16 @@ void MakePairs(const Packing& packing, double skin, bool stiff, Pairs* pairs) {
   const int m = list.num_pairs();
   pairs->i = list.i;
   pairs->j = list.j;
-  pairs->i.resize(m + kPairPadding, 0);
-  pairs->j.resize(m + kPairPadding, 0);
+  pairs->at_i.assign(m + kPairPadding, 0);
+  pairs->at_j.assign(m + kPairPadding, 0);
   pairs->d0.assign(m + kPairPadding, 1.0);
   pairs->delta0.assign(m + kPairPadding, -1.0);
   pairs->stiffness.assign(m + kPairPadding, 1.0);
   for (int c = 0; c < d; ++c) pairs->r0[c].assign(m + kPairPadding, 1.0);
   for (int p = 0; p < m; ++p) {
     const int i = list.i[p], j = list.j[p];
+    pairs->at_i[p] = d * i;
+    pairs->at_j[p] = d * j;
     Eigen::VectorXd r = packing.positions.col(i) - packing.positions.col(j);
     for (int c = 0; c < d; ++c) {
       r += packing.box.edges().col(c) * list.image[p][c];
@@ -79,8 +81,8 @@ void MakePairs(const Packing& packing, double skin, bool stiff, Pairs* pairs) {
   }
   pairs->view.end_grain = packing.size();
   pairs->view.num_pairs = m;
-  pairs->view.i = pairs->i.data();
-  pairs->view.j = pairs->j.data();
+  pairs->view.at_i = pairs->at_i.data();
+  pairs->view.at_j = pairs->at_j.data();
   for (int c = 0; c < d; ++c) pairs->view.r0[c] = pairs->r0[c].data();
   pairs->view.d0 = pairs->d0.data();
   pairs->view.delta0 = pairs->delta0.data();
@@ -221,8 +223,8 @@ void ExpectParts(const Values& all,
     Pairs some = pairs;
     PairView& view = some.view;
     view.num_pairs = std::min(step, m - first);
-    view.i += first;
-    view.j += first;
+    view.at_i += first;
+    view.at_j += first;
     view.d0 += first;
     view.delta0 += first;
     view.single.d0 += first;
@@ -341,6 +343,102 @@ TEST(PairLoops, StatesAndLawsHaveTheSameBitsAndMakeUpTheSums) {
           set.loops.law(alpha, 3, delta.data(), f.data(), k.data());
           EXPECT_EQ(f, f_first);
           EXPECT_EQ(k, k_first);
+        }
+      }
+    }
+  }
+}
+
+// Each pair has a block, images of one grain the same one, but for one pair in
+// seven, which has none.
+struct Pattern {
+  Pattern(const Pairs& pairs, int d, int n) : rank(pairs.view.num_pairs) {
+    column_start.assign(d * n + 1, 0);
+    int p = 0;
+    for (int i = 0; i < n; ++i) {
+      int blocks = 0, previous = i;
+      for (; p < pairs.view.num_pairs && pairs.i[p] == i; ++p) {
+        rank[p] = -1;
+        if (pairs.j[p] == i || (n > 3 && p % 7 == 0)) continue;
+        view.has_shared_blocks |= pairs.j[p] == previous;
+        blocks += pairs.j[p] == previous ? 0 : 1;
+        previous = pairs.j[p];
+        rank[p] = blocks - 1;
+      }
+      for (int c = 0; c < d; ++c) {
+        column_start[d * i + c + 1] =
+            column_start[d * i + c] + (d - c) + d * blocks;
+      }
+    }
+    view.rank = rank.data();
+    view.column_start = column_start.data();
+  }
+
+  std::vector<int> rank, column_start;
+  BlockPattern view;
+};
+
+TEST(PairLoops, BlocksHaveTheSameBitsAndTheDefinition) {
+  for (const int d : {2, 3}) {
+    for (const int n : {3, 61}) {
+      SCOPED_TRACE(testing::Message() << d << "D, " << n << " grains");
+      const Packing packing = RandomPacking(d, n, n == 3 ? 3.9 : 0.95, 5);
+      const std::vector<double> w(d * n, 0.0);
+      Pairs pairs;
+      MakePairs(packing, 0.6, /*stiff=*/true, &pairs);
+      const Pattern pattern(pairs, d, n);
+      EXPECT_EQ(pattern.view.has_shared_blocks, n == 3);
+      const std::size_t m = pairs.view.num_pairs;
+      std::vector<double> first(m), second(m);
+      for (std::size_t p = 0; p < m; ++p) {
+        first[p] = 1.0 + std::sin(3.0 * p);
+        second[p] = std::cos(5.0 * p);
+      }
+      constexpr double kTheta = 0.7;
+      std::vector<double> of_first_set;
+      for (const NamedLoops& set : Runnable(d, 2.0)) {
+        SCOPED_TRACE(set.name);
+        std::vector<std::vector<double>> arrays(
+            4 + d, std::vector<double>(m + kPairPadding));
+        PairStates states;
+        states.delta = arrays[0].data();
+        states.distance = arrays[1].data();
+        states.force = arrays[2].data();
+        states.stiffness = arrays[3].data();
+        for (int c = 0; c < d; ++c) states.normal[c] = arrays[4 + c].data();
+        set.loops.states(pairs.view, 2.0, w.data(), states);
+        // Centres that coincide: no block.
+        states.distance[1] = 0.0;
+        for (int c = 0; c < d; ++c) states.normal[c][1] = 0.0;
+        std::vector<double> values(pattern.column_start.back(), std::nan(""));
+        set.loops.blocks(pairs.view,
+                         states,
+                         first.data(),
+                         second.data(),
+                         kTheta,
+                         pattern.view,
+                         values.data());
+        if (of_first_set.empty()) of_first_set = values;
+        EXPECT_EQ(values, of_first_set);
+        std::vector<long double> exact(values.size(), 0.0L);
+        for (std::size_t p = 0; p < m; ++p) {
+          if (pattern.rank[p] < 0 || p == 1) continue;
+          const long double t = kTheta * second[p] / states.distance[p];
+          for (int c = 0; c < d; ++c) {
+            for (int r = 0; r < d; ++r) {
+              const long double k =
+                  (first[p] + t) * states.normal[r][p] * states.normal[c][p] -
+                  (r == c ? t : 0.0L);
+              const int column = pattern.column_start[d * pairs.i[p] + c];
+              exact[column + (d - c) + d * pattern.rank[p] + r] -= k;
+              if (r < c) continue;
+              exact[column + r - c] += k;
+              exact[pattern.column_start[d * pairs.j[p] + c] + r - c] += k;
+            }
+          }
+        }
+        for (std::size_t v = 0; v < values.size(); ++v) {
+          EXPECT_NEAR(values[v], static_cast<double>(exact[v]), 1e-13);
         }
       }
     }

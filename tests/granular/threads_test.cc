@@ -11,7 +11,7 @@
 #include "granular/neighbor_list.h"
 #include "gtest/gtest.h"
 #include "solvers/registry.h"
-#include "solvers/vector_blocks.h"
+#include "solvers/vector_loops.h"
 #include "tests/granular/test_packings.h"
 
 namespace granopt {
@@ -61,15 +61,20 @@ TEST(Threads, SumsOfVectorsHaveTheSameBits) {
       exact += static_cast<long double>(a[v]) * b[v];
     }
     const auto sums = [&]() {
-      auto both = SumBlocks(n, 2, [&](int at, int length, double* sums) {
-        sums[0] += a.segment(at, length).dot(b.segment(at, length));
-        sums[1] += a.segment(at, length).sum();
-      });
-      return std::make_tuple(both[0], both[1], Dot(n, a.data(), b.data()));
+      const double dot = Dot(n, a.data(), b.data());
+      const auto dots = Dots(n, a.data(), b.data());
+      Eigen::VectorXd s(n), y(n);
+      const double combined =
+          Combine(n, -0.5, a.data(), 0.1, b.data(), y.data(), a.data());
+      const auto differences = Differences(
+          n, a.data(), b.data(), a.data(), y.data(), s.data(), y.data());
+      Move(n, 0.7, 0.2, a.data(), 0.3, s.data(), y.data());
+      return std::make_tuple(
+          dot, dots, combined, differences, MaxNorm(n, y.data()), s, y);
     };
     const auto serial = sums();
     EXPECT_NEAR(std::get<0>(serial), static_cast<double>(exact), n * kEps);
-    EXPECT_NEAR(std::get<2>(serial), static_cast<double>(exact), n * kEps);
+    EXPECT_EQ(std::get<1>(serial)[0], std::get<0>(serial));
     for (const int threads : kCounts) {
       Threads these(threads);
       EXPECT_EQ(sums(), serial) << threads << " threads, " << n;
