@@ -1,21 +1,27 @@
 // The method that a user need not choose: first-order steps where they are
 // cheap, second-order ones where they are not.
 //
-//   fire            where contacts change all over, and far from jamming
-//   barrier         lbfgs:preconditioner=barrier,shift=1e-6: small loads, and
-//                   the end of what fire has settled
+//   newton          small loads, and the end of what lbfgs has settled
 //   interior_point  loads that are about to change many contacts
+//   barrier         lbfgs:preconditioner=barrier,shift=1e-6: what
+//                   interior_point does not find its way through near jamming
+//   lbfgs           (memory=8) where contacts change all over, and far from
+//                   jamming
 //
 // Each starts from the best point of the one before it, so that none returns a
-// worse one. Costs are counts in units of an evaluation of discs, never times.
-// A decade of max|g| is forecast to take fire
-//   kDecade v^(-1/3) evaluations,   v = Scales::vanishing,
-// v being about the distance from jamming: towards it the lowest frequencies
-// fall, and the steps of first-order methods with them, but not those of the
-// others. What a phase has done so far replaces the forecast, within bounds.
-// Where a second-order phase fails at the start, the other one is tried, then
-// fire. The message of the summary tells residual (in mean forces) and v at the
-// start, and each phase with its work and its last residual.
+// worse one. Which one begins is read off two numbers at the start: the
+// residual r (max|g| in units of Scales::gradient) and v = Scales::vanishing,
+// about the distance from jamming,
+//   r <= kSmall                        newton
+//   r <= kLarge, but for
+//     r > kMany with v > kFar          interior_point
+//   else                               lbfgs
+// unless lbfgs is forecast to be cheaper. Each of the others is left once it
+// has cost some times what it promised. While lbfgs goes on, the closed terms
+// among objects that hold each other are compared from look to look: where
+// hardly any opens or closes any more, newton will end the run within a few
+// factors; before, it would follow one instability into the next. Costs are
+// counts in units of an evaluation, never times.
 //
 // Deviations from the methods' own defaults: none but that they are stopped
 // from outside.
@@ -23,6 +29,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <iterator>
 #include <limits>
 #include <memory>
 #include <string>
@@ -31,59 +38,84 @@
 
 #include "solvers/format.h"
 #include "solvers/registry.h"
+#include "solvers/rigidity.h"
 #include "solvers/solver_sequence.h"
+#include "solvers/unilateral.h"
 
 namespace granopt {
 namespace {
 
-// Costs, as measured with 1024 to 65536 discs (README, where the time goes).
-constexpr double kFireStep = 1.4;  // an evaluation included
-constexpr double kVectors = 4.0;   // an iteration of lbfgs
-constexpr double kSolve = 9.0;
-constexpr double kFactor = 42.0;
-constexpr double kMatrix = 75.0;  // with the analysis of its pattern
-
-constexpr double kDecade = 25.0;
-// What fire's progress says is believed up to so many times the forecast.
-constexpr double kSlowest = 20.0;
-// Loads are small, and many contacts are about to change, where max|g| is below
-// and above so many mean forces; fire then takes so many times as long.
-constexpr double kSmall = 0.03;
+// See the head of this file.
+constexpr double kSmall = 0.01;
 constexpr double kMany = 0.4;
+constexpr double kLarge = 3.0;
+constexpr double kFar = 3e-3;
+// Above this lbfgs goes on where interior_point has failed.
+constexpr double kFarForBarrier = 1.5e-3;
+// newton ends what lbfgs has settled once so many terms change from look to
+// look at most.
+constexpr int kCalm = 4;
+
+// A decade of max|g| takes lbfgs kDecade v^(-1/3) evaluations: towards jamming
+// the lowest frequencies fall, and the steps of first-order methods with them.
+// Where many contacts change it takes kManyTimes as many.
+constexpr double kDecade = 18.0;
 constexpr double kManyTimes = 2.0;
-// Contacts change all over above this, ...
-constexpr double kCalm = 3.0;
-// ... and too many of them to leave fire above this.
-constexpr double kSettled = 0.1;
+// What its progress says is believed up to so many times that.
+constexpr double kSlowest = 20.0;
 
-// barrier begins if fire promises to take longer, and interior_point, which
-// many contact changes may defeat, if it promises to take so many times as
-// long.
-constexpr double kDeep = 2.0;
-// barrier may take so many times its forecast before it is compared with fire,
-// and interior_point so many times what fire was forecast to take.
-constexpr double kPatience = 3.0;
-constexpr double kMostInterior = 2.0;
-// After a phase that did not end the run there is no other before fire has
-// taken so many times what all of them took: they cost a fifth of a run at
-// most, and the first one.
-constexpr double kWait = 4.0;
+// Iterations that newton, one more for each term that changed lately, and
+// interior_point are expected to take.
+constexpr double kNewtonIterations = 4.0;
+constexpr double kInteriorIterations = 9.0;
+// They may take so many times what they promised, at the start also what lbfgs
+// was forecast to take; barrier so many times the latter, and twice as much
+// each time that it is tried again.
+constexpr double kPatience = 2.0;
+constexpr double kBarrierPatience = 10.0;
+// After a newton that did not end the run lbfgs first takes so many times what
+// that took.
+constexpr double kWait = 2.0;
 
-// Iterations between two decisions, and before the first.
-constexpr std::int64_t kFireLook = 200;
-constexpr std::int64_t kFireLeast = 1000;
-constexpr std::int64_t kBarrierLook = 20;
-constexpr std::int64_t kBarrierLeast = 40;
+// Iterations of lbfgs between two looks.
+constexpr std::int64_t kLook = 100;
 
-enum class Kind { FIRE, BARRIER, INTERIOR };
+enum class Kind { FIRST, NEWTON, INTERIOR, BARRIER };
+constexpr const char* kNames[] = {
+    "lbfgs", "newton", "interior_point", "barrier"};
 
-double SecondOrderWork(const Counters& c) {
-  return static_cast<double>(c.evaluations) +
-         kVectors * static_cast<double>(c.iterations) +
-         kSolve * static_cast<double>(c.solves) +
-         kFactor * static_cast<double>(c.factorizations) +
-         kMatrix * static_cast<double>(c.hessians);
-}
+// Costs in evaluations, as measured with 1024 to 65536 discs (README, where the
+// time goes) and 300 to 2000 spheres: of n unknowns in blocks.
+struct Costs {
+  Costs(int n, int block)
+      : factor(block > 2 ? 90.0 * (n / block / 300.0)
+                         : 42.0 * std::sqrt(n / 8192.0)),
+        solve(0.2 * factor) {}
+
+  double First(const Counters& c) const {
+    return 2.0 * static_cast<double>(c.evaluations);
+  }
+  double NewtonIteration() const { return factor + solve + 3.0 * hessian; }
+  double InteriorIteration() const {
+    return 1.3 * factor + 3.5 * solve + hessian + gaps;
+  }
+  double SecondOrder(Kind kind, const Counters& c) const {
+    const double vectors = kind == Kind::INTERIOR  ? gaps
+                           : kind == Kind::BARRIER ? 4.0
+                                                   : 0.0;
+    return (c.factorizations > 0 ? analysis : 0.0) +
+           factor * static_cast<double>(c.factorizations) +
+           solve * static_cast<double>(c.solves) +
+           hessian * static_cast<double>(c.hessians) +
+           vectors * static_cast<double>(c.iterations) +
+           static_cast<double>(c.evaluations);
+  }
+
+  const double factor, solve;
+  const double analysis = 70.0;
+  const double hessian = 4.0;
+  const double gaps = 30.0;  // and vectors: of interior_point's iteration
+};
 
 // Work and residual of a phase so far.
 class Progress {
@@ -105,78 +137,103 @@ class Progress {
   std::vector<std::pair<double, double>> points_;
 };
 
+// The closed terms among objects that hold each other, from look to look.
+class ClosedTerms {
+ public:
+  explicit ClosedTerms(const FirstOrderFunction& function)
+      : function_(dynamic_cast<const UnilateralFunction*>(&function)) {}
+
+  // How many have opened or closed since the last look; all at the first one,
+  // none if the function has no such terms.
+  int Changes(const double* x) {
+    if (function_ == nullptr || !function_->EvaluateGaps(x, &gaps_)) return 0;
+    const int block = function_->BlockSize();
+    const std::vector<bool> held =
+        HeldObjects(gaps_, function_->NumParameters() / block, block + 1);
+    std::vector<GapId> closed;
+    closed.reserve(closed_.size());
+    for (std::size_t c = 0; c < gaps_.ids.size(); ++c) {
+      const GapId& id = gaps_.ids[c];
+      if (gaps_.delta[static_cast<int>(c)] > 0.0 && held[id.i] && held[id.j]) {
+        closed.push_back(id);
+      }
+    }
+    std::vector<GapId> changed;
+    std::set_symmetric_difference(closed.begin(),
+                                  closed.end(),
+                                  closed_.begin(),
+                                  closed_.end(),
+                                  std::back_inserter(changed));
+    closed_.swap(closed);
+    return static_cast<int>(changed.size());
+  }
+
+ private:
+  const UnilateralFunction* const function_;
+  Gaps gaps_;
+  std::vector<GapId> closed_;
+};
+
+struct Methods {
+  std::unique_ptr<Solver> of[4];  // by Kind
+  const Solver& operator[](Kind kind) const {
+    return *of[static_cast<int>(kind)];
+  }
+};
+
+int BlockSizeOf(const FirstOrderFunction& function) {
+  const auto* second = dynamic_cast<const SecondOrderFunction*>(&function);
+  return second == nullptr ? 1 : second->BlockSize();
+}
+
 // One run, its phases and what they are decided on.
 class Phases {
  public:
-  Phases(const Solver& fire,
-         const Solver& barrier,
-         const Solver& interior,
+  Phases(const Methods& methods,
          FirstOrderFunction* function,
          const SolveOptions& options)
-      : fire_(fire),
-        barrier_(barrier),
-        interior_(interior),
+      : methods_(methods),
         function_(function),
-        options_(options) {
+        options_(options),
+        costs_(function->NumParameters(), BlockSizeOf(*function)) {
     std::string why;
-    has_second_order_ =
-        barrier.Supports(*function, &why) && interior.Supports(*function, &why);
+    has_newton_ = methods[Kind::NEWTON].Supports(*function, &why);
+    has_interior_ = methods[Kind::INTERIOR].Supports(*function, &why) &&
+                    methods[Kind::BARRIER].Supports(*function, &why);
   }
 
   Summary Run(double* x) {
-    Kind kind = Kind::FIRE;
-    bool gave_up_before = false;
+    Kind kind = Kind::FIRST;
+    bool is_stuck = false;  // lbfgs gave up, and newton has its last word
     for (;;) {
-      const double before = residual_;
-      Summary next = kind == Kind::FIRE      ? Fire(x)
-                     : kind == Kind::BARRIER ? Barrier(x)
-                                             : InteriorPoint(x);
-      scales_ = next.scales;
-      SetResidual(next.max_gradient);
-      Tell(kind, next);
-      const bool no_memory = next.reason == StopReason::MAX_MEMORY;
-      const bool gave_up = next.reason == StopReason::NO_PROGRESS;
-      const bool is_over =
-          !gave_up && !no_memory &&
-          (next.reason != StopReason::CALLBACK || is_stopped_by_caller_);
-      total_ = is_first_ ? std::move(next)
-                         : Joined(std::move(total_), std::move(next));
+      next_ = Kind::FIRST;
+      Summary phase =
+          kind == Kind::FIRST ? FirstOrder(x) : SecondOrder(kind, x);
+      scales_ = phase.scales;
+      SetResidual(phase.max_gradient);
+      Tell(kind, phase);
+      const StopReason reason = phase.reason;
+      total_ = is_first_ ? std::move(phase)
+                         : Joined(std::move(total_), std::move(phase));
       is_first_ = false;
-      has_second_order_ = has_second_order_ && !no_memory;
-      // Neither of two in a row knows how to go on.
-      const bool is_stuck =
-          gave_up && kind != Kind::INTERIOR &&
-          (gave_up_before || !has_second_order_ || kind == Kind::BARRIER);
-      const bool is_spent =
-          total_.counters.evaluations >= options_.max_evaluations;
-      if (is_over || is_stuck || is_spent) break;
-      gave_up_before = gave_up && kind == Kind::FIRE && !(residual_ < before);
-      kind = Next(kind);
+      if (reason == StopReason::MAX_MEMORY) {
+        has_newton_ = has_interior_ = false;
+        next_ = Kind::FIRST;
+      } else if (reason == StopReason::NO_PROGRESS) {
+        if (is_stuck || (kind == Kind::FIRST && !has_newton_)) break;
+        is_stuck = kind == Kind::FIRST;
+        if (is_stuck) next_ = Kind::NEWTON;
+      } else if (reason != StopReason::CALLBACK || is_stopped_by_caller_) {
+        break;
+      }
+      if (total_.counters.evaluations >= options_.max_evaluations) break;
+      kind = next_;
     }
-    if (second_order_work_ > 0.0) {
-      total_.message = story_ + ": " + total_.message;
-    }
+    if (!is_lbfgs_alone_) total_.message = story_ + ": " + total_.message;
     return std::move(total_);
   }
 
  private:
-  Kind Next(Kind kind) {
-    const bool is_start = fire_iterations_ == 0;
-    if (kind != Kind::FIRE) fire_work_at_failure_ = fire_work_;
-    if (!has_second_order_) return Kind::FIRE;
-    if (kind == Kind::FIRE) {
-      return is_start && residual_ > kMany ? Kind::INTERIOR : Kind::BARRIER;
-    }
-    // From the start on the other one may do; after fire it does not.
-    if (is_start && kind == Kind::INTERIOR && !has_tried_barrier_) {
-      return Kind::BARRIER;
-    }
-    if (is_start && kind == Kind::BARRIER && !has_tried_interior_) {
-      return Kind::INTERIOR;
-    }
-    return Kind::FIRE;
-  }
-
   void SetResidual(double max_gradient) {
     residual_ = scales_.gradient > 0.0
                     ? max_gradient / scales_.gradient
@@ -190,35 +247,67 @@ class Phases {
     return std::max(0.0, std::log10(residual_ / tolerance));
   }
 
-  double FireDecade() const {
-    return kFireStep * kDecade * std::pow(scales_.vanishing, -1.0 / 3.0);
+  // What methods would still take.
+  double FirstDecade() const {
+    return kDecade * std::pow(scales_.vanishing, -1.0 / 3.0);
   }
-  double FireForecast() const {
-    return FireDecade() * Decades() * (residual_ > kMany ? kManyTimes : 1.0);
+  double FirstForecast() const {
+    return FirstDecade() * Decades() * (residual_ > kMany ? kManyTimes : 1.0);
   }
-  double BarrierForecast() const {
-    const double iterations =
-        residual_ < kSmall ? 8.0 + 2.0 * Decades() : 20.0 + 4.0 * Decades();
-    return iterations * (1.0 + kVectors + kSolve) +
-           std::ceil(iterations / 20.0) * (kFactor + kMatrix);
+  double NewtonForecast(int changes) const {
+    return costs_.analysis +
+           (kNewtonIterations + changes) * costs_.NewtonIteration();
   }
-  static constexpr double kInteriorForecast =
-      10.0 * (1.0 + kFactor + kMatrix + 2.0 * kSolve);
-
-  // fire: what fire would still take.
-  bool IsWorthIt(double fire) const {
-    return has_second_order_ && BarrierForecast() <= fire &&
-           fire_work_ >= fire_work_at_failure_ + kWait * second_order_work_;
-  }
-  bool IsWorthItAtOnce() const {
-    if (residual_ <= kMany) return IsWorthIt(FireForecast());
-    return has_second_order_ && residual_ <= kCalm &&
-           kDeep * kInteriorForecast <= FireForecast();
+  double InteriorForecast() const {
+    return costs_.analysis + kInteriorIterations * costs_.InteriorIteration();
   }
 
-  // Minimizes until stop(counters of this phase) at an accepted iterate.
+  Kind First() {
+    const double first = FirstForecast();
+    if (residual_ <= kSmall) {
+      budget_ = std::max(kPatience * NewtonForecast(0), first);
+      return has_newton_ && NewtonForecast(0) <= first ? Kind::NEWTON
+                                                       : Kind::FIRST;
+    }
+    budget_ = std::max(kPatience * InteriorForecast(), first);
+    const bool buckles = residual_ > kMany && scales_.vanishing > kFar;
+    return has_interior_ && residual_ <= kLarge && !buckles &&
+                   InteriorForecast() <= first
+               ? Kind::INTERIOR
+               : Kind::FIRST;
+  }
+
+  // After lbfgs has run for a while. `work` is its own in this phase.
+  Kind AtLook(const Progress& progress,
+              double work,
+              ClosedTerms* terms,
+              const double* x) {
+    if (has_interior_ && barrier_budget_ > 0.0 && work > barrier_budget_) {
+      return Barrier();
+    }
+    const double decade = std::clamp(
+        progress.PerDecade(), FirstDecade(), kSlowest * FirstDecade());
+    const double rest = decade * Decades();
+    if (!has_newton_ || NewtonForecast(0) > rest || work < wait_) {
+      return Kind::FIRST;
+    }
+    const int changes = terms->Changes(x);
+    budget_ = kPatience * NewtonForecast(changes);
+    return changes <= kCalm && NewtonForecast(changes) <= rest ? Kind::NEWTON
+                                                               : Kind::FIRST;
+  }
+
+  Kind Barrier() {
+    barrier_budget_ = barrier_budget_ > 0.0
+                          ? 2.0 * barrier_budget_
+                          : kBarrierPatience * FirstForecast();
+    budget_ = barrier_budget_;
+    return Kind::BARRIER;
+  }
+
+  // Minimizes until stop(state of this phase) at an accepted iterate.
   template <typename Stop>
-  Summary Minimize(const Solver& solver, double* x, const Stop& stop) {
+  Summary Minimize(Kind kind, double* x, const Stop& stop) {
     SolveOptions rest = Remaining(options_, total_);
     const auto caller = rest.callback;
     const std::int64_t rest_evaluations = rest.max_evaluations;
@@ -232,105 +321,69 @@ class Phases {
       scales_ = state.scales;
       SetResidual(state.max_gradient);
       // A spent budget ends the phase with its own reason.
-      return state.counters.evaluations >= rest_evaluations ||
-             !stop(state.counters);
+      return state.counters.evaluations >= rest_evaluations || !stop(state);
     };
-    return solver.Minimize(function_, rest, x);
+    return methods_[kind].Minimize(function_, rest, x);
   }
 
-  Summary Fire(double* x) {
+  Summary FirstOrder(double* x) {
     Progress progress;
-    const double before = fire_work_;
-    const bool is_start = fire_iterations_ == 0 && second_order_work_ == 0.0;
+    ClosedTerms terms(*function_);
     double highest = 0.0;  // of the residuals since the last look
-    const auto work = [](const Counters& c) {
-      return kFireStep * static_cast<double>(c.evaluations);
-    };
-    Summary summary = Minimize(fire_, x, [&](const Counters& c) {
-      if (!has_second_order_) return false;
-      if (c.iterations == 0) {
-        if (is_start)
-          story_ =
-              Format("from %.1e at v = %.1e", residual_, scales_.vanishing);
-        return is_start && IsWorthItAtOnce();
+    return Minimize(Kind::FIRST, x, [&](const IterationState& state) {
+      const std::int64_t iterations = state.counters.iterations;
+      if (iterations == 0) {
+        if (!is_first_) return false;
+        story_ = Format("from %.1e at v = %.1e", residual_, scales_.vanishing);
+        next_ = First();
+        return next_ != Kind::FIRST;
       }
       highest = std::max(highest, residual_);
-      if (c.iterations % kFireLook != 0) return false;
-      progress.Add(work(c), highest);
-      fire_work_ = before + work(c);
-      fire_highest_ = highest;
+      if (iterations % kLook != 0) return false;
+      const double work = costs_.First(state.counters);
+      progress.Add(work, highest);
       highest = 0.0;
-      if (c.iterations < kFireLeast || !(fire_highest_ <= kSettled))
-        return false;
-      const double decade = std::clamp(
-          progress.PerDecade(), FireDecade(), kSlowest * FireDecade());
-      return IsWorthIt(decade * Decades());
+      next_ = AtLook(progress, work, &terms, state.x);
+      return next_ != Kind::FIRST;
     });
-    fire_iterations_ += summary.counters.iterations;
-    fire_work_ = before + (fire_iterations_ > 0 ? work(summary.counters) : 0.0);
-    return summary;
   }
 
-  Summary Barrier(double* x) {
-    has_tried_barrier_ = true;
-    Progress progress;
-    const double fire = FireForecast();
-    const double forecast = BarrierForecast();
-    // fire's residual goes up and down.
-    const double start = std::max(residual_, fire_highest_);
-    double least = residual_;
-    Summary summary = Minimize(barrier_, x, [&](const Counters& c) {
-      least = std::min(least, residual_);
-      if (c.iterations % kBarrierLook != 0 || c.iterations == 0) return false;
-      const double work = SecondOrderWork(c);
-      progress.Add(work, least);
-      // What fire had settled has to go on at once.
-      if (fire_iterations_ > 0 && c.iterations >= kBarrierLeast &&
-          least >= start) {
-        return true;
-      }
-      return work > std::max(kPatience * forecast, 0.5 * fire) &&
-             progress.PerDecade() * Decades() > FireForecast();
+  Summary SecondOrder(Kind kind, double* x) {
+    is_lbfgs_alone_ = false;
+    Summary summary = Minimize(kind, x, [&](const IterationState& state) {
+      return costs_.SecondOrder(kind, state.counters) > budget_;
     });
-    second_order_work_ += SecondOrderWork(summary.counters);
-    return summary;
-  }
-
-  Summary InteriorPoint(double* x) {
-    has_tried_interior_ = true;
-    const double most = kMostInterior * FireForecast();
-    Summary summary = Minimize(interior_, x, [&](const Counters& c) {
-      return SecondOrderWork(c) > most;
-    });
-    second_order_work_ += SecondOrderWork(summary.counters);
+    wait_ = kWait * costs_.SecondOrder(kind, summary.counters);
+    if (kind == Kind::INTERIOR && summary.scales.vanishing < kFarForBarrier) {
+      next_ = Barrier();
+    }
     return summary;
   }
 
   void Tell(Kind kind, const Summary& phase) {
     const Counters& c = phase.counters;
-    if (kind == Kind::FIRE && c.iterations == 0 && !phase.Succeeded()) return;
+    if (kind == Kind::FIRST && c.iterations == 0 && !phase.Succeeded()) return;
     if (!story_.empty()) story_ += ", ";
-    const char* const names[] = {"fire", "barrier", "interior_point"};
     story_ += Format("%s %lld iterations",
-                     names[static_cast<int>(kind)],
+                     kNames[static_cast<int>(kind)],
                      static_cast<long long>(c.iterations));
-    if (kind != Kind::FIRE) {
+    if (kind != Kind::FIRST) {
       story_ +=
           Format(" (%lld factors)", static_cast<long long>(c.factorizations));
     }
     if (scales_.gradient > 0.0) story_ += Format(" to %.1e", residual_);
   }
 
-  const Solver& fire_;
-  const Solver& barrier_;
-  const Solver& interior_;
+  const Methods& methods_;
   FirstOrderFunction* const function_;
   const SolveOptions& options_;
-  bool has_second_order_ = false;
-  bool has_tried_barrier_ = false;
-  bool has_tried_interior_ = false;
+  const Costs costs_;
+  bool has_newton_ = false;
+  bool has_interior_ = false;
   bool is_stopped_by_caller_ = false;
   bool is_first_ = true;
+  bool is_lbfgs_alone_ = true;
+  Kind next_ = Kind::FIRST;
   Summary total_;
   std::string story_;
 
@@ -338,42 +391,42 @@ class Phases {
   Scales scales_;
   double residual_ = std::numeric_limits<double>::infinity();
 
-  std::int64_t fire_iterations_ = 0;
-  double fire_work_ = 0.0;
-  double fire_highest_ = 0.0;  // between the last two looks
-  double fire_work_at_failure_ = 0.0;
-  double second_order_work_ = 0.0;
+  double budget_ = 0.0;          // of the next phase, if it is not lbfgs'
+  double barrier_budget_ = 0.0;  // of its last phase
+  double wait_ = 0.0;            // lbfgs' work before newton is thought of
 };
 
 class Auto : public Solver {
  public:
   explicit Auto(Parameters* /*parameters*/) {
     std::string error;
-    fire_ = CreateSolver("fire", &error);
-    barrier_ = CreateSolver("lbfgs:preconditioner=barrier,shift=1e-6", &error);
-    interior_ = CreateSolver("interior_point", &error);
+    const char* const specs[] = {"lbfgs:memory=8",
+                                 "newton",
+                                 "interior_point",
+                                 "lbfgs:preconditioner=barrier,shift=1e-6"};
+    for (int k = 0; k < 4; ++k) methods_.of[k] = CreateSolver(specs[k], &error);
   }
 
   Summary Minimize(FirstOrderFunction* function,
                    const SolveOptions& options,
                    double* x) const override {
-    Phases phases(*fire_, *barrier_, *interior_, function, options);
-    Summary summary = phases.Run(x);
+    Summary summary = Phases(methods_, function, options).Run(x);
     summary.solver = name();
     return summary;
   }
 
  private:
-  std::unique_ptr<Solver> fire_, barrier_, interior_;
+  Methods methods_;
 };
 
 }  // namespace
 
-REGISTER_SOLVER(auto,
-                Auto,
-                "fire, interior_point or lbfgs:preconditioner=barrier, by what "
-                "each would still cost",
-                "Bitzek et al., Phys. Rev. Lett. 97 (2006) 170201; Mehrotra, "
-                "SIAM J. Optim. 2 (1992) 575; the choice: this project");
+REGISTER_SOLVER(
+    auto,
+    Auto,
+    "lbfgs, newton, interior_point or lbfgs:preconditioner=barrier, "
+    "by what each would still cost",
+    "Nocedal, Math. Comp. 35 (1980) 773; Mehrotra, SIAM J. Optim. 2 "
+    "(1992) 575; the choice: this project");
 
 }  // namespace granopt
