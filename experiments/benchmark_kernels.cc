@@ -27,6 +27,7 @@
 #include <vector>
 
 #include "Eigen/Core"
+#include "Eigen/SparseCholesky"
 #include "benchmark/benchmark.h"
 #include "granular/contact_energy.h"
 #include "granular/neighbor_list.h"
@@ -304,6 +305,41 @@ void BM_Factorize(benchmark::State& state) {
   PerGrain(state, packing);
 }
 
+// A Hessian that is not positive definite, that of a random start as large as
+// the packing: Eigen's LDL^T, whose pivots may be negative, with no more of a
+// shift than rattlers need, or our factor (the last argument) with a shift that
+// makes it definite.
+void BM_IndefiniteFactor(benchmark::State& state) {
+  GeneratorOptions options;
+  options.particles = PackingOf(static_cast<int>(state.range(0))).size();
+  options.packing_fraction = 0.8438;
+  Packing packing;
+  std::string error;
+  GeneratePacking(options, &packing, &error);
+  const Stiff stiff(packing);
+  bool is_done = true;
+  if (state.range(1) == 0) {
+    Eigen::SimplicialLDLT<SparseMatrix, Eigen::Lower> factor;
+    factor.setShift(kShift);
+    factor.analyzePattern(stiff.hessian);
+    for (auto _ : state) {
+      factor.factorize(stiff.hessian);
+      is_done = is_done && factor.info() == Eigen::Success;
+    }
+    state.counters["negative"] =
+        static_cast<double>((factor.vectorD().array() < 0.0).count());
+  } else {
+    MultifrontalCholesky factor;
+    factor.Analyze(stiff.hessian);
+    const double shift = 2.0 * stiff.hessian.norm();
+    for (auto _ : state) {
+      is_done = is_done && factor.Factorize(stiff.hessian.valuePtr(), shift);
+    }
+  }
+  if (!is_done) state.SkipWithError("a pivot vanishes");
+  PerGrain(state, packing);
+}
+
 void BM_Solve(benchmark::State& state) {
   const Packing& packing = PackingOf(static_cast<int>(state.range(0)));
   Stiff stiff(packing);
@@ -390,6 +426,7 @@ BENCHMARK(BM_Rebase)->Arg(1)->Arg(64);
 BENCHMARK(BM_Hessian)->Arg(1)->Arg(64);
 BENCHMARK(BM_Analyze)->Arg(1)->Arg(16);
 BENCHMARK(BM_Factorize)->Arg(1)->Arg(16);
+BENCHMARK(BM_IndefiniteFactor)->Args({1, 0})->Args({1, 1});
 BENCHMARK(BM_Solve)->Arg(1)->Arg(16);
 
 }  // namespace

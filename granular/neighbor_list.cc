@@ -59,14 +59,11 @@ void SetSteps(
   steps->clear();
   Step next = {home - reach, 1, 0};
   for (; next.cell < 0; next.cell += cells) --next.turns;
-  for (int k = -reach; k <= reach; ++k) {
-    if (join && k > -reach && next.cell > 0 && next.cell < cells) {
-      ++steps->back().count;
-    } else {
-      if (next.cell == cells) next = {0, 1, next.turns + 1};
-      steps->push_back(next);
-    }
-    ++next.cell;
+  for (int left = 2 * reach + 1; left > 0; left -= next.count) {
+    if (next.cell == cells) next = {0, 1, next.turns + 1};
+    if (join) next.count = std::min(left, cells - next.cell);
+    steps->push_back(next);
+    next.cell += next.count;
   }
 }
 
@@ -122,7 +119,8 @@ bool Build(const Box& given_box,
   // Size classes: radii in [s, 2 s) with s = r_min 2^level.
   const double min_radius = radii.minCoeff();
   const auto level_of = [&](int i) {
-    return std::max(0, std::ilogb(radii[i] / min_radius));
+    const double ratio = radii[i] / min_radius;
+    return ratio < 2.0 ? 0 : std::ilogb(ratio);
   };
   std::vector<int> level(n);
   int num_levels = 1;

@@ -7,7 +7,6 @@
 #include "Eigen/Core"
 #include "solvers/monitor.h"
 #include "solvers/step_search.h"
-#include "solvers/vector_loops.h"
 
 namespace granopt {
 
@@ -62,22 +61,21 @@ Summary LineSearchMethod::Minimize(FirstOrderFunction* function,
   while (!monitor.stopped()) {
     const double* z = preconditioned ? z_own.data() : g.data();
     const double unit = preconditioned ? 1.0 : monitor.StepUnit();
-    double first_step = rule->Direction(g.data(), z, unit, d.data());
-    LinePoint start{0.0, cost, Dot(n, g.data(), d.data())};
-    if (!(start.slope < 0.0) && !is_fresh) {
+    DirectionRule::Outlook ahead = rule->Direction(g.data(), z, unit, d.data());
+    if (!(ahead.slope < 0.0) && !is_fresh) {
       rule->Forget();
       ++monitor.counters().restarts;
       is_fresh = true;
-      first_step = rule->Direction(g.data(), z, unit, d.data());
-      start.slope = Dot(n, g.data(), d.data());
+      ahead = rule->Direction(g.data(), z, unit, d.data());
     }
-    if (!(start.slope < 0.0)) {
+    if (!(ahead.slope < 0.0)) {
       monitor.GiveUp("steepest descent does not descend");
       break;
     }
 
+    const LinePoint start{0.0, cost, ahead.slope};
     const LineSearchResult found =
-        search.Search(line_search_, x, d, start, first_step, &monitor);
+        search.Search(line_search_, x, d, start, ahead.first_step, &monitor);
     // A stop inside the line search may leave a better point behind.
     if (monitor.stopped() && found.point.step == 0.0) break;
     // Neither is a step that rounding takes away.

@@ -19,14 +19,20 @@ class DirectionRule {
  public:
   virtual ~DirectionRule() = default;
 
-  // Writes the direction d at an iterate and returns the first step to try. If
-  // d is no descent direction the rule is asked again after a Forget().
+  // What is known of a direction when it is made: the first step to try, and
+  // the slope g.d, for which d need not be read again.
+  struct Outlook {
+    double first_step;
+    double slope;
+  };
+  // Writes the direction d at an iterate. If it is no descent direction the
+  // rule is asked again after a Forget().
   // `unit` = Scales::length / Scales::gradient times gradient is a step of one
   // length (1 with a preconditioner, whose steps are already lengths).
-  virtual double Direction(const double* g,
-                           const double* z,
-                           double unit,
-                           double* d) = 0;
+  virtual Outlook Direction(const double* g,
+                            const double* z,
+                            double unit,
+                            double* d) = 0;
 
   // The step from x to x_new was taken, with gradients g and g_new at its ends
   // and slopes along d before and after, d being what Direction() last wrote.

@@ -43,13 +43,13 @@ class LbfgsRule : public DirectionRule {
     }
   }
 
-  double Direction(const double* g,
-                   const double* z,
-                   double unit,
-                   double* d) override {
+  Outlook Direction(const double* g,
+                    const double* z,
+                    double unit,
+                    double* d) override {
     if (count_ == 0) {
       Eigen::Map<VectorXd>(d, n_) = -unit * ConstMap(z, n_);
-      return 1.0;
+      return {1.0, Dot(n_, g, d)};
     }
     // q = g - sum a_i y_i, and r = P^-1 q, which is q without P. Each pass
     // through memory changes them by one pair and takes the product with the
@@ -95,9 +95,9 @@ class LbfgsRule : public DirectionRule {
                         part,
                         pair.s.data(),
                         d,
-                        k > 1 ? Newest(k - 1).y.data() : nullptr);
+                        k > 1 ? Newest(k - 1).y.data() : g);
     }
-    return 1.0;
+    return {1.0, product};
   }
 
   void Taken(const Step& step) override {

@@ -19,6 +19,7 @@
 #include "Eigen/Core"
 #include "solvers/line_search_method.h"
 #include "solvers/registry.h"
+#include "solvers/vector_loops.h"
 
 namespace granopt {
 namespace {
@@ -33,26 +34,26 @@ class NcgRule : public DirectionRule {
   NcgRule(int n, Beta beta, bool preconditioned)
       : n_(n), beta_(beta), preconditioned_(preconditioned), d_(n) {}
 
-  double Direction(const double* g,
-                   const double* z,
-                   double unit,
-                   double* d) override {
+  Outlook Direction(const double* g,
+                    const double* z,
+                    double unit,
+                    double* d) override {
     if (is_fresh_) {
       d_ = -ConstMap(z, n_);
       if (beta_ == Beta::HZ && preconditioned_) pd_ = -ConstMap(g, n_);
-      first_step_ = unit;
     } else {
       d_ = -ConstMap(z, n_) + next_beta_ * d_;
       if (beta_ == Beta::HZ && preconditioned_) {
         pd_ = -ConstMap(g, n_) + next_beta_ * pd_;
       }
-      // The same first-order change as in the last step: Nocedal, Wright,
-      // 2nd ed., p. 59.
-      const double slope = ConstMap(g, n_).dot(d_);
-      first_step_ = slope < 0.0 ? last_step_ * (last_slope_ / slope) : unit;
     }
     Eigen::Map<VectorXd>(d, n_) = d_;
-    return first_step_;
+    const double slope = Dot(n_, g, d);
+    // The same first-order change as in the last step: Nocedal, Wright, 2nd
+    // ed., p. 59.
+    const double first_step =
+        !is_fresh_ && slope < 0.0 ? last_step_ * (last_slope_ / slope) : unit;
+    return {first_step, slope};
   }
 
   void Taken(const Step& step) override {
@@ -96,7 +97,6 @@ class NcgRule : public DirectionRule {
   VectorXd pd_;  // P d, by the recursion of d
   bool is_fresh_ = true;
   double next_beta_ = 0.0;
-  double first_step_ = 0.0;
   double last_step_ = 0.0;
   double last_slope_ = 0.0;
 };
