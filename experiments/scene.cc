@@ -50,7 +50,7 @@ DEFINE_bool(list_solvers,
 
 namespace granopt {
 
-const char kDefaultSolver[] = "lbfgs";
+const char kDefaultSolver[] = "auto";
 
 void ListSolversIfAsked() {
   if (!FLAGS_list_solvers) return;

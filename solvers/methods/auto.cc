@@ -84,12 +84,14 @@ enum class Kind { FIRST, NEWTON, INTERIOR, BARRIER };
 constexpr const char* kNames[] = {
     "lbfgs", "newton", "interior_point", "barrier"};
 
-// Costs in evaluations, as measured with 1024 to 65536 discs (README, where the
-// time goes) and 300 to 2000 spheres: of n unknowns in blocks.
+// Costs in evaluations of n unknowns in blocks, as measured with 1024 to 65536
+// discs (README, where the time goes), a million, for which approximate minimum
+// degree fills far more, and 300 to 2000 spheres.
 struct Costs {
   Costs(int n, int block)
-      : factor(block > 2 ? 90.0 * (n / block / 300.0)
-                         : 42.0 * std::sqrt(n / 8192.0)),
+      : factor(block > 2 ? 0.3 * (n / block)
+                         : 42.0 * std::sqrt(n / 8192.0) *
+                               std::max(1.0, std::pow(n / 262144.0, 2.0))),
         solve(0.2 * factor) {}
 
   double First(const Counters& c) const {

@@ -37,11 +37,12 @@ TEST(Auto, SmallLoadsTakeAFewFactors) {
     const char* phase;
   };
   for (const Load& load :
-       {Load{"n1024_a2_p1e-04.xyz", 2.0, 1e-6, "barrier"},
+       {Load{"n1024_a2_p1e-04.xyz", 2.0, 1e-7, "newton"},
+        Load{"n1024_a2_p1e-04.xyz", 2.0, 1e-6, "interior_point"},
         Load{"n1024_a2_p1e-04.xyz", 2.0, 6e-5, "interior_point"},
-        Load{"n1024_a2_p1e-08.xyz", 2.0, 1e-9, "barrier"},
+        Load{"n1024_a2_p1e-08.xyz", 2.0, 1e-11, "newton"},
         Load{"n1024_a2_p1e-08.xyz", 2.0, 6e-9, "interior_point"},
-        Load{"n256_phi0.8438_a2.5_relaxed.xyz", 2.5, 1e-6, "barrier"}}) {
+        Load{"n256_phi0.8438_a2.5_relaxed.xyz", 2.5, 1e-6, "newton"}}) {
     SCOPED_TRACE(load.file);
     const Packing packing = Sheared(load.file, load.shear);
     const Result descent = Relax("lbfgs", packing, load.alpha, Tolerance(1e-9));
@@ -52,23 +53,41 @@ TEST(Auto, SmallLoadsTakeAFewFactors) {
     EXPECT_LE(run.summary.counters.factorizations, 20);
     EXPECT_GT(run.summary.counters.factorizations, 0);
     EXPECT_TRUE(Has(run, load.phase)) << run.summary.message;
-    EXPECT_FALSE(Has(run, "fire")) << run.summary.message;
+    EXPECT_FALSE(Has(run, "lbfgs")) << run.summary.message;
   }
 }
 
 // Where contacts change all over, first-order steps come first, and the bits
-// are theirs for as long as they last.
-TEST(Auto, RandomStartsAreForFire) {
+// are theirs for as long as they last; then a few factors end the run.
+TEST(Auto, RandomStartsAreForLbfgs) {
   const Packing packing = RandomPacking(2, 256, 0.9, 11);
   SolveOptions options = Tolerance(1e-9);
   const Result run = Relax("auto", packing, 2.0, options);
   EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
-  options.max_evaluations = 300;
+  EXPECT_TRUE(Has(run, ", newton")) << run.summary.message;
+  const Result whole = Relax("lbfgs:memory=8", packing, 2.0, options);
+  EXPECT_LT(run.summary.counters.evaluations,
+            whole.summary.counters.evaluations);
+  options.max_evaluations = 90;
   const Result begun = Relax("auto", packing, 2.0, options);
-  const Result fire = Relax("fire", packing, 2.0, options);
+  const Result lbfgs = Relax("lbfgs:memory=8", packing, 2.0, options);
   EXPECT_EQ(begun.summary.reason, StopReason::MAX_EVALUATIONS);
   EXPECT_EQ(begun.summary.counters.factorizations, 0);
-  EXPECT_EQ(begun.x, fire.x);
+  EXPECT_EQ(begun.x, lbfgs.x);
+}
+
+// Where interior_point gives up near jamming, the barrier preconditioner goes
+// on from its best point.
+TEST(Auto, GoesOnWhereContactsBuckle) {
+  const Packing packing = Sheared("n1024_a2_p1e-04.xyz", 8e-4);
+  const Result run = Relax("auto", packing, 2.0, Tolerance(1e-8));
+  EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
+  const Result interior =
+      Relax("interior_point", packing, 2.0, Tolerance(1e-8));
+  ASSERT_FALSE(interior.summary.Succeeded());
+  EXPECT_LE(run.summary.cost, interior.summary.cost);
+  EXPECT_TRUE(Has(run, "interior_point")) << run.summary.message;
+  EXPECT_TRUE(Has(run, ", barrier")) << run.summary.message;
 }
 
 // Methods change hands at the best point: whatever ends a run, it is not above
