@@ -1,27 +1,30 @@
 // The method that a user need not choose: first-order steps where they are
 // cheap, second-order ones where they are not.
 //
-//   newton          small loads, and the end of what lbfgs has settled
+//   newton          small loads, and the end of what others have settled
 //   interior_point  loads that are about to change many contacts
-//   barrier         lbfgs:preconditioner=barrier,shift=1e-6: what
-//                   interior_point does not find its way through near jamming
-//   lbfgs           (memory=8) where contacts change all over, and far from
-//                   jamming
+//   barrier         lbfgs:preconditioner=barrier,shift=1e-6: loads in between,
+//                   and what interior_point does not find its way through
+//   lbfgs           (memory=8) where contacts change all over
+//   fire            far from jamming, where a few digits are enough
 //
 // Each starts from the best point of the one before it, so that none returns a
 // worse one. Which one begins is read off two numbers at the start: the
 // residual r (max|g| in units of Scales::gradient) and v = Scales::vanishing,
-// about the distance from jamming,
-//   r <= kSmall                        newton
-//   r <= kLarge, but for
-//     r > kMany with v > kFar          interior_point
-//   else                               lbfgs
-// unless lbfgs is forecast to be cheaper. Each of the others is left once it
-// has cost some times what it promised. While lbfgs goes on, the closed terms
-// among objects that hold each other are compared from look to look: where
-// hardly any opens or closes any more, newton will end the run within a few
-// factors; before, it would follow one instability into the next. Costs are
-// counts in units of an evaluation, never times.
+// about the distance from jamming. Of the second-order methods it is
+//   newton          if r <= kSmall, or r <= kFew with v > kNear,
+//   none            if r > kLarge, or r > kMany with v > kFar,
+//   barrier         if r <= kMany (alpha - 1)^(5/2) with v <= kNear, where its
+//                   forecast is below that of
+//   interior_point  else,
+// but a first-order method if that is forecast to be cheaper: fire if r <=
+// kMany or what is displaced is about single objects (r > kLarge with v <
+// kWide), else lbfgs. A second-order method is left once it has cost some times
+// what it promised. While a first-order method goes on, the closed terms among
+// objects that hold each other are compared from look to look: where hardly any
+// opens or closes any more, newton will end the run within a few factors;
+// before, it would follow one instability into the next. Costs are counts in
+// units of an evaluation, never times.
 //
 // Deviations from the methods' own defaults: none but that they are stopped
 // from outside.
@@ -47,42 +50,62 @@ namespace {
 
 // See the head of this file.
 constexpr double kSmall = 0.01;
+constexpr double kFew = 0.03;
 constexpr double kMany = 0.4;
 constexpr double kLarge = 3.0;
+constexpr double kNear = 1e-3;
 constexpr double kFar = 3e-3;
-// Above this lbfgs goes on where interior_point has failed.
+constexpr double kWide = 0.05;
+// Above this a first-order method goes on where interior_point has failed.
 constexpr double kFarForBarrier = 1.5e-3;
-// newton ends what lbfgs has settled once so many terms change from look to
+// newton ends what others have settled once so many terms change from look to
 // look at most.
 constexpr int kCalm = 4;
 
-// A decade of max|g| takes lbfgs kDecade v^(-1/3) evaluations: towards jamming
-// the lowest frequencies fall, and the steps of first-order methods with them.
-// Where many contacts change it takes kManyTimes as many.
-constexpr double kDecade = 18.0;
+// A decade of max|g| takes a first-order method kDecade v^(-1/3) evaluations,
+// whose steps become smaller as the lowest frequencies fall towards jamming; so
+// many times that where some contacts change far from jamming, or many.
+constexpr double kDecade = 26.0;
+constexpr double kFewTimes = 1.5;
 constexpr double kManyTimes = 2.0;
 // What its progress says is believed up to so many times that.
 constexpr double kSlowest = 20.0;
 
-// Iterations that newton, one more for each term that changed lately, and
-// interior_point are expected to take.
+// Iterations that newton, one more for each term that changed lately, and,
+// times alpha - 1, interior_point are expected to take; those of barrier, and
+// per decade, for kBarrierSize unknowns; they grow as the root of the size.
 constexpr double kNewtonIterations = 4.0;
-constexpr double kInteriorIterations = 9.0;
-// They may take so many times what they promised, at the start also what lbfgs
-// was forecast to take; barrier so many times the latter, and twice as much
-// each time that it is tried again.
+constexpr double kInteriorIterations = 8.0;
+constexpr double kBarrierIterations = 10.0;
+constexpr double kBarrierDecade = 4.0;
+constexpr double kBarrierSize = 2048.0;
+// Between two of its factors.
+constexpr double kBarrierEvery = 20.0;
+// They may take so many times what they promised, at the start also what a
+// first-order method was forecast to take; barrier so many times the latter,
+// and twice as much each time that it is tried again.
 constexpr double kPatience = 2.0;
 constexpr double kBarrierPatience = 10.0;
-// After a newton that did not end the run lbfgs first takes so many times what
-// that took.
+// After a newton that did not end the run a first-order method takes so many
+// times what that took.
 constexpr double kWait = 2.0;
 
-// Iterations of lbfgs between two looks.
+// Iterations of a first-order method between two looks.
 constexpr std::int64_t kLook = 100;
 
-enum class Kind { FIRST, NEWTON, INTERIOR, BARRIER };
+enum class Kind { FIRE, LBFGS, NEWTON, INTERIOR, BARRIER };
 constexpr const char* kNames[] = {
-    "lbfgs", "newton", "interior_point", "barrier"};
+    "fire", "lbfgs", "newton", "interior_point", "barrier"};
+constexpr const char* kSpecs[] = {"fire",
+                                  "lbfgs:memory=8",
+                                  "newton",
+                                  "interior_point",
+                                  "lbfgs:preconditioner=barrier,shift=1e-6"};
+constexpr int kKinds = 5;
+
+bool IsFirstOrder(Kind kind) {
+  return kind == Kind::FIRE || kind == Kind::LBFGS;
+}
 
 // Costs in evaluations of n unknowns in blocks, as measured with 1024 to 65536
 // discs (README, where the time goes), a million, for which approximate minimum
@@ -94,29 +117,30 @@ struct Costs {
                                std::max(1.0, std::pow(n / 262144.0, 2.0))),
         solve(0.2 * factor) {}
 
-  double First(const Counters& c) const {
-    return 2.0 * static_cast<double>(c.evaluations);
+  static double FirstOrderStep(Kind kind) {
+    return kind == Kind::FIRE ? 1.3 : 2.0;
   }
   double NewtonIteration() const { return factor + solve + 3.0 * hessian; }
   double InteriorIteration() const {
     return 1.3 * factor + 3.5 * solve + hessian + gaps;
   }
   double SecondOrder(Kind kind, const Counters& c) const {
-    const double vectors = kind == Kind::INTERIOR  ? gaps
-                           : kind == Kind::BARRIER ? 4.0
-                                                   : 0.0;
+    const double own = kind == Kind::INTERIOR  ? gaps
+                       : kind == Kind::BARRIER ? vectors
+                                               : 0.0;
     return (c.factorizations > 0 ? analysis : 0.0) +
            factor * static_cast<double>(c.factorizations) +
            solve * static_cast<double>(c.solves) +
            hessian * static_cast<double>(c.hessians) +
-           vectors * static_cast<double>(c.iterations) +
+           own * static_cast<double>(c.iterations) +
            static_cast<double>(c.evaluations);
   }
 
   const double factor, solve;
   const double analysis = 70.0;
   const double hessian = 4.0;
-  const double gaps = 30.0;  // and vectors: of interior_point's iteration
+  const double gaps = 30.0;    // and vectors: of interior_point's iteration
+  const double vectors = 3.0;  // of barrier's
 };
 
 // Work and residual of a phase so far.
@@ -177,7 +201,7 @@ class ClosedTerms {
 };
 
 struct Methods {
-  std::unique_ptr<Solver> of[4];  // by Kind
+  std::unique_ptr<Solver> of[kKinds];  // by Kind
   const Solver& operator[](Kind kind) const {
     return *of[static_cast<int>(kind)];
   }
@@ -186,6 +210,11 @@ struct Methods {
 int BlockSizeOf(const FirstOrderFunction& function) {
   const auto* second = dynamic_cast<const SecondOrderFunction*>(&function);
   return second == nullptr ? 1 : second->BlockSize();
+}
+
+double ExponentOf(const FirstOrderFunction& function) {
+  const auto* terms = dynamic_cast<const UnilateralFunction*>(&function);
+  return terms == nullptr ? 2.0 : terms->Exponent();
 }
 
 // One run, its phases and what they are decided on.
@@ -197,7 +226,8 @@ class Phases {
       : methods_(methods),
         function_(function),
         options_(options),
-        costs_(function->NumParameters(), BlockSizeOf(*function)) {
+        costs_(function->NumParameters(), BlockSizeOf(*function)),
+        exponent_(ExponentOf(*function)) {
     std::string why;
     has_newton_ = methods[Kind::NEWTON].Supports(*function, &why);
     has_interior_ = methods[Kind::INTERIOR].Supports(*function, &why) &&
@@ -205,12 +235,12 @@ class Phases {
   }
 
   Summary Run(double* x) {
-    Kind kind = Kind::FIRST;
-    bool is_stuck = false;  // lbfgs gave up, and newton has its last word
+    Kind kind = Kind::FIRE;
+    bool is_stuck = false;  // that gave up, and newton has its last word
     for (;;) {
-      next_ = Kind::FIRST;
+      next_ = first_order_;
       Summary phase =
-          kind == Kind::FIRST ? FirstOrder(x) : SecondOrder(kind, x);
+          IsFirstOrder(kind) ? FirstOrder(kind, x) : SecondOrder(kind, x);
       scales_ = phase.scales;
       SetResidual(phase.max_gradient);
       Tell(kind, phase);
@@ -220,10 +250,10 @@ class Phases {
       is_first_ = false;
       if (reason == StopReason::MAX_MEMORY) {
         has_newton_ = has_interior_ = false;
-        next_ = Kind::FIRST;
+        next_ = first_order_;
       } else if (reason == StopReason::NO_PROGRESS) {
-        if (is_stuck || (kind == Kind::FIRST && !has_newton_)) break;
-        is_stuck = kind == Kind::FIRST;
+        if (is_stuck || (IsFirstOrder(kind) && !has_newton_)) break;
+        is_stuck = IsFirstOrder(kind);
         if (is_stuck) next_ = Kind::NEWTON;
       } else if (reason != StopReason::CALLBACK || is_stopped_by_caller_) {
         break;
@@ -231,7 +261,7 @@ class Phases {
       if (total_.counters.evaluations >= options_.max_evaluations) break;
       kind = next_;
     }
-    if (!is_lbfgs_alone_) total_.message = story_ + ": " + total_.message;
+    if (!is_first_order_alone_) total_.message = story_ + ": " + total_.message;
     return std::move(total_);
   }
 
@@ -250,36 +280,65 @@ class Phases {
   }
 
   // What methods would still take.
-  double FirstDecade() const {
-    return kDecade * std::pow(scales_.vanishing, -1.0 / 3.0);
+  double FirstOrderDecade() const {
+    return Costs::FirstOrderStep(Kind::FIRE) * kDecade *
+           std::pow(scales_.vanishing, -1.0 / 3.0);
   }
-  double FirstForecast() const {
-    return FirstDecade() * Decades() * (residual_ > kMany ? kManyTimes : 1.0);
+  double FirstOrderForecast() const {
+    const double times = residual_ > kMany ? kManyTimes
+                         : residual_ > kFew && scales_.vanishing > kNear
+                             ? kFewTimes
+                             : 1.0;
+    return times * FirstOrderDecade() * Decades();
   }
   double NewtonForecast(int changes) const {
     return costs_.analysis +
            (kNewtonIterations + changes) * costs_.NewtonIteration();
   }
   double InteriorForecast() const {
-    return costs_.analysis + kInteriorIterations * costs_.InteriorIteration();
+    return costs_.analysis +
+           kInteriorIterations * (exponent_ - 1.0) * costs_.InteriorIteration();
+  }
+  double BarrierForecast() const {
+    const double iterations =
+        (kBarrierIterations + kBarrierDecade * Decades()) *
+        std::sqrt(function_->NumParameters() / kBarrierSize);
+    return iterations * (1.0 + costs_.vectors + costs_.solve) +
+           std::ceil(iterations / kBarrierEvery) *
+               (costs_.analysis + costs_.factor + costs_.hessian);
   }
 
+  // What to begin with.
   Kind First() {
-    const double first = FirstForecast();
-    if (residual_ <= kSmall) {
-      budget_ = std::max(kPatience * NewtonForecast(0), first);
-      return has_newton_ && NewtonForecast(0) <= first ? Kind::NEWTON
-                                                       : Kind::FIRST;
+    const double r = residual_, v = scales_.vanishing;
+    first_order_ =
+        r <= kMany || (r > kLarge && v < kWide) ? Kind::FIRE : Kind::LBFGS;
+    Kind second_order;
+    double forecast;
+    if (r <= kSmall || (r <= kFew && v > kNear)) {
+      if (!has_newton_) return first_order_;
+      second_order = Kind::NEWTON;
+      forecast = NewtonForecast(0);
+    } else {
+      if (!has_interior_ || r > kLarge || (r > kMany && v > kFar)) {
+        return first_order_;
+      }
+      second_order = Kind::INTERIOR;
+      forecast = InteriorForecast();
+      if (r <= kMany * std::pow(exponent_ - 1.0, 2.5) && v <= kNear &&
+          BarrierForecast() < forecast) {
+        second_order = Kind::BARRIER;
+        forecast = BarrierForecast();
+      }
     }
-    budget_ = std::max(kPatience * InteriorForecast(), first);
-    const bool buckles = residual_ > kMany && scales_.vanishing > kFar;
-    return has_interior_ && residual_ <= kLarge && !buckles &&
-                   InteriorForecast() <= first
-               ? Kind::INTERIOR
-               : Kind::FIRST;
+    const double first_order = FirstOrderForecast();
+    if (forecast > first_order) return first_order_;
+    budget_ = std::max(kPatience * forecast, first_order);
+    return second_order;
   }
 
-  // After lbfgs has run for a while. `work` is its own in this phase.
+  // After a first-order method has run for a while. `work` is its own in this
+  // phase.
   Kind AtLook(const Progress& progress,
               double work,
               ClosedTerms* terms,
@@ -287,22 +346,23 @@ class Phases {
     if (has_interior_ && barrier_budget_ > 0.0 && work > barrier_budget_) {
       return Barrier();
     }
-    const double decade = std::clamp(
-        progress.PerDecade(), FirstDecade(), kSlowest * FirstDecade());
+    const double decade = std::clamp(progress.PerDecade(),
+                                     FirstOrderDecade(),
+                                     kSlowest * FirstOrderDecade());
     const double rest = decade * Decades();
     if (!has_newton_ || NewtonForecast(0) > rest || work < wait_) {
-      return Kind::FIRST;
+      return first_order_;
     }
     const int changes = terms->Changes(x);
     budget_ = kPatience * NewtonForecast(changes);
     return changes <= kCalm && NewtonForecast(changes) <= rest ? Kind::NEWTON
-                                                               : Kind::FIRST;
+                                                               : first_order_;
   }
 
   Kind Barrier() {
     barrier_budget_ = barrier_budget_ > 0.0
                           ? 2.0 * barrier_budget_
-                          : kBarrierPatience * FirstForecast();
+                          : kBarrierPatience * FirstOrderForecast();
     budget_ = barrier_budget_;
     return Kind::BARRIER;
   }
@@ -328,48 +388,53 @@ class Phases {
     return methods_[kind].Minimize(function_, rest, x);
   }
 
-  Summary FirstOrder(double* x) {
+  Summary FirstOrder(Kind kind, double* x) {
     Progress progress;
     ClosedTerms terms(*function_);
     double highest = 0.0;  // of the residuals since the last look
-    return Minimize(Kind::FIRST, x, [&](const IterationState& state) {
+    return Minimize(kind, x, [&](const IterationState& state) {
       const std::int64_t iterations = state.counters.iterations;
       if (iterations == 0) {
         if (!is_first_) return false;
         story_ = Format("from %.1e at v = %.1e", residual_, scales_.vanishing);
         next_ = First();
-        return next_ != Kind::FIRST;
+        return next_ != kind;
       }
       highest = std::max(highest, residual_);
       if (iterations % kLook != 0) return false;
-      const double work = costs_.First(state.counters);
+      const double work = Costs::FirstOrderStep(kind) *
+                          static_cast<double>(state.counters.evaluations);
       progress.Add(work, highest);
       highest = 0.0;
       next_ = AtLook(progress, work, &terms, state.x);
-      return next_ != Kind::FIRST;
+      return next_ != kind;
     });
   }
 
   Summary SecondOrder(Kind kind, double* x) {
-    is_lbfgs_alone_ = false;
+    is_first_order_alone_ = false;
     Summary summary = Minimize(kind, x, [&](const IterationState& state) {
       return costs_.SecondOrder(kind, state.counters) > budget_;
     });
     wait_ = kWait * costs_.SecondOrder(kind, summary.counters);
-    if (kind == Kind::INTERIOR && summary.scales.vanishing < kFarForBarrier) {
-      next_ = Barrier();
+    if (kind == Kind::INTERIOR) {
+      has_tried_interior_ = true;
+      if (summary.scales.vanishing < kFarForBarrier) next_ = Barrier();
+    } else if (kind == Kind::BARRIER && !has_tried_interior_) {
+      next_ = Kind::INTERIOR;
+      budget_ = kPatience * InteriorForecast();
     }
     return summary;
   }
 
   void Tell(Kind kind, const Summary& phase) {
     const Counters& c = phase.counters;
-    if (kind == Kind::FIRST && c.iterations == 0 && !phase.Succeeded()) return;
+    if (IsFirstOrder(kind) && c.iterations == 0 && !phase.Succeeded()) return;
     if (!story_.empty()) story_ += ", ";
     story_ += Format("%s %lld iterations",
                      kNames[static_cast<int>(kind)],
                      static_cast<long long>(c.iterations));
-    if (kind != Kind::FIRST) {
+    if (!IsFirstOrder(kind)) {
       story_ +=
           Format(" (%lld factors)", static_cast<long long>(c.factorizations));
     }
@@ -380,12 +445,15 @@ class Phases {
   FirstOrderFunction* const function_;
   const SolveOptions& options_;
   const Costs costs_;
+  const double exponent_;
   bool has_newton_ = false;
   bool has_interior_ = false;
   bool is_stopped_by_caller_ = false;
   bool is_first_ = true;
-  bool is_lbfgs_alone_ = true;
-  Kind next_ = Kind::FIRST;
+  bool is_first_order_alone_ = true;
+  bool has_tried_interior_ = false;
+  Kind next_ = Kind::FIRE;
+  Kind first_order_ = Kind::FIRE;  // of this run
   Summary total_;
   std::string story_;
 
@@ -393,20 +461,18 @@ class Phases {
   Scales scales_;
   double residual_ = std::numeric_limits<double>::infinity();
 
-  double budget_ = 0.0;          // of the next phase, if it is not lbfgs'
+  double budget_ = 0.0;          // of the next phase, if it is not first-order
   double barrier_budget_ = 0.0;  // of its last phase
-  double wait_ = 0.0;            // lbfgs' work before newton is thought of
+  double wait_ = 0.0;            // work before newton is thought of
 };
 
 class Auto : public Solver {
  public:
   explicit Auto(Parameters* /*parameters*/) {
     std::string error;
-    const char* const specs[] = {"lbfgs:memory=8",
-                                 "newton",
-                                 "interior_point",
-                                 "lbfgs:preconditioner=barrier,shift=1e-6"};
-    for (int k = 0; k < 4; ++k) methods_.of[k] = CreateSolver(specs[k], &error);
+    for (int k = 0; k < kKinds; ++k) {
+      methods_.of[k] = CreateSolver(kSpecs[k], &error);
+    }
   }
 
   Summary Minimize(FirstOrderFunction* function,
@@ -426,9 +492,10 @@ class Auto : public Solver {
 REGISTER_SOLVER(
     auto,
     Auto,
-    "lbfgs, newton, interior_point or lbfgs:preconditioner=barrier, "
-    "by what each would still cost",
-    "Nocedal, Math. Comp. 35 (1980) 773; Mehrotra, SIAM J. Optim. 2 "
-    "(1992) 575; the choice: this project");
+    "fire, lbfgs, newton, interior_point or lbfgs:preconditioner=barrier, by "
+    "what each would still cost",
+    "Bitzek et al., Phys. Rev. Lett. 97 (2006) 170201; Nocedal, Math. Comp. 35 "
+    "(1980) 773; Mehrotra, SIAM J. Optim. 2 (1992) 575; the choice: this "
+    "project");
 
 }  // namespace granopt
