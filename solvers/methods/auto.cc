@@ -58,6 +58,9 @@ constexpr double kFar = 3e-3;
 constexpr double kWide = 0.05;
 // Above this a first-order method goes on where interior_point has failed.
 constexpr double kFarForBarrier = 1.5e-3;
+// So near jamming hardly a contact changes in a small step: an interior_point
+// that fails has gone elsewhere, and the next method starts where it started.
+constexpr double kIsostatic = 2e-5;
 // newton ends what others have settled once so many terms change from look to
 // look at most.
 constexpr int kCalm = 4;
@@ -397,6 +400,7 @@ class Phases {
       if (iterations == 0) {
         if (!is_first_) return false;
         story_ = Format("from %.1e at v = %.1e", residual_, scales_.vanishing);
+        start_vanishing_ = scales_.vanishing;
         next_ = First();
         return next_ != kind;
       }
@@ -413,12 +417,17 @@ class Phases {
 
   Summary SecondOrder(Kind kind, double* x) {
     is_first_order_alone_ = false;
+    const std::vector<double> start(x, x + function_->NumParameters());
     Summary summary = Minimize(kind, x, [&](const IterationState& state) {
       return costs_.SecondOrder(kind, state.counters) > budget_;
     });
     wait_ = kWait * costs_.SecondOrder(kind, summary.counters);
     if (kind == Kind::INTERIOR) {
       has_tried_interior_ = true;
+      if (start_vanishing_ <= kIsostatic && !summary.Succeeded() &&
+          summary.counters.rebases == 0) {
+        std::copy(start.begin(), start.end(), x);
+      }
       if (summary.scales.vanishing < kFarForBarrier) next_ = Barrier();
     } else if (kind == Kind::BARRIER && !has_tried_interior_) {
       next_ = Kind::INTERIOR;
@@ -452,6 +461,7 @@ class Phases {
   bool is_first_ = true;
   bool is_first_order_alone_ = true;
   bool has_tried_interior_ = false;
+  double start_vanishing_ = 0.0;
   Kind next_ = Kind::FIRE;
   Kind first_order_ = Kind::FIRE;  // of this run
   Summary total_;
