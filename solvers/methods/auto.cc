@@ -88,7 +88,7 @@ constexpr double kBarrierEvery = 20.0;
 // first-order method was forecast to take; barrier so many times the latter,
 // and twice as much each time that it is tried again.
 constexpr double kPatience = 2.0;
-constexpr double kBarrierPatience = 10.0;
+constexpr double kBarrierPatience = 4.0;
 // After a newton that did not end the run a first-order method takes so many
 // times what that took.
 constexpr double kWait = 2.0;
@@ -262,6 +262,8 @@ class Phases {
         break;
       }
       if (total_.counters.evaluations >= options_.max_evaluations) break;
+      std::copy(restart_.begin(), restart_.end(), x);
+      restart_.clear();
       kind = next_;
     }
     if (!is_first_order_alone_) total_.message = story_ + ": " + total_.message;
@@ -417,21 +419,24 @@ class Phases {
 
   Summary SecondOrder(Kind kind, double* x) {
     is_first_order_alone_ = false;
-    const std::vector<double> start(x, x + function_->NumParameters());
+    if (kind == Kind::INTERIOR && start_vanishing_ <= kIsostatic) {
+      restart_.assign(x, x + function_->NumParameters());
+    }
     Summary summary = Minimize(kind, x, [&](const IterationState& state) {
       return costs_.SecondOrder(kind, state.counters) > budget_;
     });
     wait_ = kWait * costs_.SecondOrder(kind, summary.counters);
     if (kind == Kind::INTERIOR) {
       has_tried_interior_ = true;
-      if (start_vanishing_ <= kIsostatic && !summary.Succeeded() &&
-          summary.counters.rebases == 0) {
-        std::copy(start.begin(), start.end(), x);
-      }
+      // Where the origin has moved the start is not known any more.
+      if (summary.counters.rebases > 0) restart_.clear();
       if (summary.scales.vanishing < kFarForBarrier) next_ = Barrier();
     } else if (kind == Kind::BARRIER && !has_tried_interior_) {
       next_ = Kind::INTERIOR;
       budget_ = kPatience * InteriorForecast();
+    } else if (kind == Kind::BARRIER) {
+      // Where neither finds its way fire is the fastest, and the most robust.
+      next_ = first_order_ = Kind::FIRE;
     }
     return summary;
   }
@@ -462,6 +467,7 @@ class Phases {
   bool is_first_order_alone_ = true;
   bool has_tried_interior_ = false;
   double start_vanishing_ = 0.0;
+  std::vector<double> restart_;  // if not empty, where the next phase begins
   Kind next_ = Kind::FIRE;
   Kind first_order_ = Kind::FIRE;  // of this run
   Summary total_;
