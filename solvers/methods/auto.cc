@@ -12,7 +12,7 @@
 // worse one. Which one begins is read off two numbers at the start: the
 // residual r (max|g| in units of Scales::gradient) and v = Scales::vanishing,
 // about the distance from jamming. Of the second-order methods it is
-//   newton          if r <= kSmall, or r <= kFew with v > kNear,
+//   newton          if r <= kSmall, or r <= kFew / size^(1/2) with v > kNear,
 //   none            if r > kLarge, or r > kMany with v > kFar,
 //   barrier         if r <= kMany (alpha - 1)^(5/2) with v <= kNear, where its
 //                   forecast is below that of
@@ -50,7 +50,8 @@ namespace {
 
 // See the head of this file.
 constexpr double kSmall = 0.01;
-constexpr double kFew = 0.03;
+constexpr double kFew = 0.1;  // for kSize unknowns; FewFor() others
+constexpr double kSome = 0.03;
 constexpr double kMany = 0.4;
 constexpr double kLarge = 3.0;
 constexpr double kNear = 1e-3;
@@ -69,19 +70,19 @@ constexpr int kCalm = 4;
 // whose steps become smaller as the lowest frequencies fall towards jamming; so
 // many times that where some contacts change far from jamming, or many.
 constexpr double kDecade = 26.0;
-constexpr double kFewTimes = 1.5;
+constexpr double kSomeTimes = 1.5;
 constexpr double kManyTimes = 2.0;
 // What its progress says is believed up to so many times that.
 constexpr double kSlowest = 20.0;
 
 // Iterations that newton, one more for each term that changed lately, and,
 // times alpha - 1, interior_point are expected to take; those of barrier, and
-// per decade, for kBarrierSize unknowns; they grow as the root of the size.
+// per decade, for kSize unknowns; they grow as the root of the size.
 constexpr double kNewtonIterations = 4.0;
 constexpr double kInteriorIterations = 8.0;
 constexpr double kBarrierIterations = 10.0;
 constexpr double kBarrierDecade = 4.0;
-constexpr double kBarrierSize = 2048.0;
+constexpr double kSize = 2048.0;
 // Between two of its factors.
 constexpr double kBarrierEvery = 20.0;
 // They may take so many times what they promised, at the start also what a
@@ -93,8 +94,12 @@ constexpr double kBarrierPatience = 4.0;
 // times what that took.
 constexpr double kWait = 2.0;
 
+// Where the cost is looked at between start and end.
+constexpr int kWayPoints = 9;
 // Iterations of a first-order method between two looks.
 constexpr std::int64_t kLook = 100;
+
+double FewFor(int n) { return kFew * std::sqrt(kSize / n); }
 
 enum class Kind { FIRE, LBFGS, NEWTON, INTERIOR, BARRIER };
 constexpr const char* kNames[] = {
@@ -238,6 +243,7 @@ class Phases {
   }
 
   Summary Run(double* x) {
+    const std::vector<double> start(x, x + function_->NumParameters());
     Kind kind = Kind::FIRE;
     bool is_stuck = false;  // that gave up, and newton has its last word
     for (;;) {
@@ -266,7 +272,14 @@ class Phases {
       restart_.clear();
       kind = next_;
     }
-    if (!is_first_order_alone_) total_.message = story_ + ": " + total_.message;
+    if (!is_first_order_alone_) {
+      if (RisesOnTheWay(start, x)) {
+        story_ +=
+            " (the energy rises on the straight way from the start: a descent "
+            "may end elsewhere)";
+      }
+      total_.message = story_ + ": " + total_.message;
+    }
     return std::move(total_);
   }
 
@@ -284,6 +297,33 @@ class Phases {
     return std::max(0.0, std::log10(residual_ / tolerance));
   }
 
+  // Second-order methods need not stay in the basin of the start. Where the
+  // cost is not seen to fall all along the straight way to the end, they may
+  // have left it.
+  bool RisesOnTheWay(const std::vector<double>& start, const double* end) {
+    Counters& counters = total_.counters;
+    if (!total_.Succeeded() || counters.rebases > 0 ||
+        counters.evaluations + kWayPoints > options_.max_evaluations) {
+      return false;
+    }
+    std::vector<double> x(start.size());
+    double before = total_.initial_cost;
+    for (int k = 1; k <= kWayPoints; ++k) {
+      const double t = k / (kWayPoints + 1.0);
+      for (std::size_t i = 0; i < x.size(); ++i) {
+        x[i] = start[i] + t * (end[i] - start[i]);
+      }
+      ++counters.evaluations;
+      double cost;
+      if (!function_->EvaluateWithScales(x.data(), &cost, nullptr, nullptr) ||
+          cost > before) {
+        return true;
+      }
+      before = cost;
+    }
+    return total_.cost > before;
+  }
+
   // What methods would still take.
   double FirstOrderDecade() const {
     return Costs::FirstOrderStep(Kind::FIRE) * kDecade *
@@ -291,8 +331,8 @@ class Phases {
   }
   double FirstOrderForecast() const {
     const double times = residual_ > kMany ? kManyTimes
-                         : residual_ > kFew && scales_.vanishing > kNear
-                             ? kFewTimes
+                         : residual_ > kSome && scales_.vanishing > kNear
+                             ? kSomeTimes
                              : 1.0;
     return times * FirstOrderDecade() * Decades();
   }
@@ -307,7 +347,7 @@ class Phases {
   double BarrierForecast() const {
     const double iterations =
         (kBarrierIterations + kBarrierDecade * Decades()) *
-        std::sqrt(function_->NumParameters() / kBarrierSize);
+        std::sqrt(function_->NumParameters() / kSize);
     return iterations * (1.0 + costs_.vectors + costs_.solve) +
            std::ceil(iterations / kBarrierEvery) *
                (costs_.analysis + costs_.factor + costs_.hessian);
@@ -320,7 +360,7 @@ class Phases {
         r <= kMany || (r > kLarge && v < kWide) ? Kind::FIRE : Kind::LBFGS;
     Kind second_order;
     double forecast;
-    if (r <= kSmall || (r <= kFew && v > kNear)) {
+    if (r <= kSmall || (r <= FewFor(function_->NumParameters()) && v > kNear)) {
       if (!has_newton_) return first_order_;
       second_order = Kind::NEWTON;
       forecast = NewtonForecast(0);
