@@ -63,25 +63,6 @@ Packing RelaxedPacking() {
   return relaxation.packing;
 }
 
-// n x n copies.
-Packing Tiled(const Packing& tile, int n) {
-  Packing packing;
-  packing.box = Box(n * tile.box.edges());
-  packing.positions.resize(2, tile.size() * n * n);
-  packing.radii.resize(tile.size() * n * n);
-  int at = 0;
-  for (int a = 0; a < n; ++a) {
-    for (int b = 0; b < n; ++b) {
-      const Eigen::Vector2d shift = tile.box.edges() * Eigen::Vector2d(a, b);
-      for (int i = 0; i < tile.size(); ++i, ++at) {
-        packing.positions.col(at) = tile.positions.col(i) + shift;
-        packing.radii[at] = tile.radii[i];
-      }
-    }
-  }
-  return packing;
-}
-
 // What one writes first: plain coordinates, nearest image of a square cell, the
 // force scattered to both grains.
 class PlainLoop {
@@ -160,8 +141,8 @@ const Packing& PackingOf(int copies) {
   }
   const auto found = packings.find(copies);
   if (found != packings.end()) return found->second;
-  return packings[copies] = Tiled(
-             packings[1], static_cast<int>(std::lround(std::sqrt(copies))));
+  return packings[copies] = packings[1].Copies(
+             static_cast<int>(std::lround(std::sqrt(copies))));
 }
 
 __attribute__((noinline)) double TimedContactEnergy(const ContactEnergy& energy,

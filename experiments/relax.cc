@@ -3,7 +3,8 @@
 //   relax --input=F.xyz | --particles=N --phi=P --seed=S
 //         --alpha=2 --precision=double --solver=NAME[:key=value,...]
 //         --tolerance=1e-10
-//         --radius_factor=1 --simple_shear=0 --pure_shear=0 --perturb=0
+//         --copies=1 --radius_factor=1 --simple_shear=0 --pure_shear=0
+//         --perturb=0
 //         --out=DIR [--resume]
 //
 // Writes DIR/summary.json, DIR/packing.xyz, DIR/contacts.csv, DIR/trace.csv and
@@ -34,6 +35,10 @@ DEFINE_double(
     absolute_tolerance,
     0.0,
     "if > 0: stop at max|g| <= this instead, in units k = 1, box = 1");
+DEFINE_int32(copies,
+             1,
+             "of the packing side by side in each direction, before anything "
+             "else is done to it");
 DEFINE_double(radius_factor, 1.0, "multiply all radii before relaxing");
 DEFINE_double(simple_shear, 0.0, "shear strain gamma: D = (1 gamma; 0 1)");
 DEFINE_double(pure_shear,
@@ -91,6 +96,7 @@ int Main() {
     BadInput("--phi describes a random start and cannot go with --input");
   }
   CheckPositive("phi", FLAGS_phi);
+  CheckRange("copies", FLAGS_copies, 1.0, 1000.0);
   CheckPositive("radius_factor", FLAGS_radius_factor);
   CheckRange("absolute_tolerance", FLAGS_absolute_tolerance, 0.0, 1e300);
   CheckRange("simple_shear", FLAGS_simple_shear, -1e3, 1e3);
@@ -112,6 +118,7 @@ int Main() {
   load.simple_shear = FLAGS_simple_shear;
   load.pure_shear = FLAGS_pure_shear;
   load.perturbation = FLAGS_perturb;
+  if (FLAGS_copies > 1) packing = packing.Copies(FLAGS_copies);
   ApplyLoad(load, FLAGS_seed, &packing);
 
   SolveOptions options = MakeSolveOptions();

@@ -104,6 +104,39 @@ void Packing::Perturb(double amplitude, std::uint64_t seed) {
   }
 }
 
+Packing Packing::Copies(int n) const {
+  const int d = dimension();
+  int count = 1;
+  for (int k = 0; k < d; ++k) count *= n;
+  Packing all;
+  all.box = Box(n * box.edges());
+  all.attributes = attributes;
+  all.radii = radii.replicate(count, 1);
+  all.stiffness = stiffness.replicate(count, 1);
+  all.positions = positions.replicate(1, count);
+  all.positions_low = positions_low.replicate(1, count);
+  all.species.reserve(species.size() * count);
+  for (int copy = 0; copy < count; ++copy) {
+    all.species.insert(all.species.end(), species.begin(), species.end());
+    int place[3], rest = copy;
+    for (int k = d - 1; k >= 0; --k) {
+      place[k] = rest % n;
+      rest /= n;
+    }
+    if (copy == 0) continue;
+    for (int i = 0; i < size(); ++i) {
+      for (int k = 0; k < d; ++k) {
+        DoubleDouble x = Position(i, k);
+        for (int c = 0; c < d; ++c) {
+          if (place[c] != 0) x = x + TwoProduct(place[c], box.edges()(k, c));
+        }
+        all.SetPosition(copy * size() + i, k, x);
+      }
+    }
+  }
+  return all;
+}
+
 std::vector<Image> Packing::Wrap() {
   const int d = dimension();
   std::vector<Image> moved_by(size());

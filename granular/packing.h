@@ -63,6 +63,10 @@ struct Packing {
   // coordinate. The same seed gives the same numbers on every machine.
   void Perturb(double amplitude, std::uint64_t seed);
 
+  // n^d copies side by side in a cell n times as long: the same structure, whose
+  // relaxations are free to break its period. Grain i of copy c is c size() + i.
+  Packing Copies(int n) const;
+
   // Moves every grain into the cell (exactly, by lattice vectors); returns n_i
   // of x_i <- x_i - H n_i.
   std::vector<Image> Wrap();

@@ -282,7 +282,8 @@ bool Monitor::Accept(const double* x,
                       max_gradient,
                       scales.gradient,
                       scales.vanishing,
-                      Seconds()});
+                      Seconds(),
+                      /*method=*/{}});
   }
 
   const auto iterations = static_cast<long long>(counters_.iterations);

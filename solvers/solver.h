@@ -3,6 +3,7 @@
 #ifndef GRANOPT_SOLVERS_SOLVER_H_
 #define GRANOPT_SOLVERS_SOLVER_H_
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -85,6 +86,8 @@ struct TraceRow {
   double gradient_scale = 0.0;
   double vanishing = 0.0;
   double seconds = 0.0;
+  // That got here, where a run has several; checkpoints keep rows as bytes.
+  std::array<char, 16> method = {};
 };
 
 struct SolveOptions {

@@ -13,7 +13,7 @@
 // residual r (max|g| in units of Scales::gradient) and v = Scales::vanishing,
 // about the distance from jamming. Of the second-order methods it is
 //   newton          if r <= kSmall, or r <= kFew / size^(1/2) with v > kNear,
-//   none            if r > kLarge, or r > kMany with v > kFar,
+//   none            if r > kLarge, or r > kMany with v > kFar / size,
 //   barrier         if r <= kMany (alpha - 1)^(5/2) with v <= kNear, where its
 //                   forecast is below that of
 //   interior_point  else,
@@ -32,6 +32,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <iterator>
 #include <limits>
 #include <memory>
@@ -55,7 +56,7 @@ constexpr double kSome = 0.03;
 constexpr double kMany = 0.4;
 constexpr double kLarge = 3.0;
 constexpr double kNear = 1e-3;
-constexpr double kFar = 3e-3;
+constexpr double kFar = 3e-3;  // for kSize unknowns; FarFor() others
 constexpr double kWide = 0.05;
 // Above this a first-order method goes on where interior_point has failed.
 constexpr double kFarForBarrier = 1.5e-3;
@@ -99,7 +100,9 @@ constexpr int kWayPoints = 9;
 // Iterations of a first-order method between two looks.
 constexpr std::int64_t kLook = 100;
 
+// The larger a packing, the more contacts change, and buckle, at once.
 double FewFor(int n) { return kFew * std::sqrt(kSize / n); }
+double FarFor(int n) { return kFar * kSize / n; }
 
 enum class Kind { FIRE, LBFGS, NEWTON, INTERIOR, BARRIER };
 constexpr const char* kNames[] = {
@@ -253,6 +256,12 @@ class Phases {
       scales_ = phase.scales;
       SetResidual(phase.max_gradient);
       Tell(kind, phase);
+      for (TraceRow& row : phase.trace) {
+        std::snprintf(row.method.data(),
+                      row.method.size(),
+                      "%s",
+                      kNames[static_cast<int>(kind)]);
+      }
       const StopReason reason = phase.reason;
       total_ = is_first_ ? std::move(phase)
                          : Joined(std::move(total_), std::move(phase));
@@ -356,16 +365,17 @@ class Phases {
   // What to begin with.
   Kind First() {
     const double r = residual_, v = scales_.vanishing;
+    const int n = function_->NumParameters();
     first_order_ =
         r <= kMany || (r > kLarge && v < kWide) ? Kind::FIRE : Kind::LBFGS;
     Kind second_order;
     double forecast;
-    if (r <= kSmall || (r <= FewFor(function_->NumParameters()) && v > kNear)) {
+    if (r <= kSmall || (r <= FewFor(n) && v > kNear)) {
       if (!has_newton_) return first_order_;
       second_order = Kind::NEWTON;
       forecast = NewtonForecast(0);
     } else {
-      if (!has_interior_ || r > kLarge || (r > kMany && v > kFar)) {
+      if (!has_interior_ || r > kLarge || (r > kMany && v > FarFor(n))) {
         return first_order_;
       }
       second_order = Kind::INTERIOR;

@@ -6,6 +6,7 @@
 #include <functional>
 #include <limits>
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -312,6 +313,47 @@ TEST(Packing, ShearsAreThoseOfThePaper) {
     pure(1, 1) = 0.8;
     EXPECT_EQ(PureShear(d, 0.25), pure);
     EXPECT_NEAR(PureShear(d, 0.1).determinant(), 1.0, 2.0 * kEps);
+  }
+}
+
+// Copies differ by vectors of the lattice, exactly, in a cell that holds as
+// many.
+TEST(Packing, CopiesLieSideBySide) {
+  for (const int d : {2, 3}) {
+    Packing packing = RandomPacking(d, 12, 0.5, 7);
+    packing.Deform(SimpleShear(d, 0.3));
+    packing.Perturb(1e-9, 4);
+    packing.species.assign(12, "B");
+    const int n = 3;
+    const Packing copies = packing.Copies(n);
+    const int count = d == 2 ? 9 : 27;
+    std::string error;
+    ASSERT_TRUE(copies.IsValid(&error)) << error;
+    ASSERT_EQ(copies.size(), 12 * count);
+    EXPECT_EQ(copies.species.size(), static_cast<std::size_t>(12 * count));
+    EXPECT_NEAR(copies.PackingFraction(), packing.PackingFraction(), 1e-14);
+    std::set<std::vector<int>> places;
+    for (int c = 0; c < count; ++c) {
+      std::vector<int> place;
+      for (int i = 0; i < 12; ++i) {
+        EXPECT_EQ(copies.radii[12 * c + i], packing.radii[i]);
+        Eigen::VectorXd shift(d);
+        for (int k = 0; k < d; ++k) {
+          const DoubleDouble moved =
+              copies.Position(12 * c + i, k) - packing.Position(i, k);
+          shift[k] = moved.Value();
+        }
+        const Eigen::VectorXd cells = packing.box.inverse() * shift;
+        place.clear();
+        for (int k = 0; k < d; ++k) {
+          place.push_back(static_cast<int>(std::lround(cells[k])));
+          EXPECT_NEAR(cells[k], place.back(), 1e-15);
+          EXPECT_TRUE(place.back() >= 0 && place.back() < n);
+        }
+      }
+      places.insert(place);
+    }
+    EXPECT_EQ(places.size(), static_cast<std::size_t>(count));
   }
 }
 
