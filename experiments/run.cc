@@ -385,17 +385,17 @@ std::string ContactsCsv(const Relaxation& relaxation) {
 std::string TraceCsv(const Summary& summary) {
   std::string csv =
       "iteration,evaluations,energy,max_gradient,mean_force,vanishing,"
-      "seconds,method\n";
+      "method,seconds\n";
   for (const TraceRow& row : summary.trace) {
-    csv += Format("%lld,%lld,%.17g,%.17g,%.17g,%.17g,%.6g,%s\n",
+    csv += Format("%lld,%lld,%.17g,%.17g,%.17g,%.17g,%s,%.6g\n",
                   static_cast<long long>(row.iteration),
                   static_cast<long long>(row.evaluations),
                   row.cost,
                   row.max_gradient,
                   row.gradient_scale,
                   row.vanishing,
-                  row.seconds,
-                  row.method.data());
+                  row.method.data(),
+                  row.seconds);
   }
   return csv;
 }

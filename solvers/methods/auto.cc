@@ -248,6 +248,7 @@ class Phases {
   Summary Run(double* x) {
     const std::vector<double> start(x, x + function_->NumParameters());
     Kind kind = Kind::FIRE;
+    bool has_lost_a_start = false;
     bool is_stuck = false;  // that gave up, and newton has its last word
     for (;;) {
       next_ = first_order_;
@@ -263,6 +264,16 @@ class Phases {
                       kNames[static_cast<int>(kind)]);
       }
       const StopReason reason = phase.reason;
+      const bool lost_its_start = !is_first_ &&
+                                  reason == StopReason::EVALUATION_FAILED &&
+                                  phase.counters.iterations == 0;
+      if (lost_its_start) {
+        // What the function said of this point a moment ago stands.
+        phase.cost = total_.cost;
+        phase.max_gradient = total_.max_gradient;
+        phase.tolerance = total_.tolerance;
+        phase.scales = total_.scales;
+      }
       total_ = is_first_ ? std::move(phase)
                          : Joined(std::move(total_), std::move(phase));
       is_first_ = false;
@@ -273,6 +284,9 @@ class Phases {
         if (is_stuck || (IsFirstOrder(kind) && !has_newton_)) break;
         is_stuck = IsFirstOrder(kind);
         if (is_stuck) next_ = Kind::NEWTON;
+      } else if (lost_its_start && !has_lost_a_start) {
+        has_lost_a_start = true;
+        next_ = kind;
       } else if (reason != StopReason::CALLBACK || is_stopped_by_caller_) {
         break;
       }
@@ -364,6 +378,8 @@ class Phases {
 
   // What to begin with.
   Kind First() {
+    // Of other functions nothing is known that these numbers say.
+    if (!has_interior_) return first_order_;
     const double r = residual_, v = scales_.vanishing;
     const int n = function_->NumParameters();
     first_order_ =
@@ -371,11 +387,10 @@ class Phases {
     Kind second_order;
     double forecast;
     if (r <= kSmall || (r <= FewFor(n) && v > kNear)) {
-      if (!has_newton_) return first_order_;
       second_order = Kind::NEWTON;
       forecast = NewtonForecast(0);
     } else {
-      if (!has_interior_ || r > kLarge || (r > kMany && v > FarFor(n))) {
+      if (r > kLarge || (r > kMany && v > FarFor(n))) {
         return first_order_;
       }
       second_order = Kind::INTERIOR;

@@ -18,7 +18,8 @@ import tempfile
 import time
 import zlib
 
-FLAGS = ["--particles=96", "--nopictures", "--error_bar=1e-8"]
+# With lbfgs there is time to be interrupted in.
+FLAGS = ["--particles=96", "--nopictures", "--error_bar=1e-8", "--solver=lbfgs"]
 
 
 def Command(seed, out, *more):
