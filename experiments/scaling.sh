@@ -3,7 +3,7 @@
 # 1024 to 1000000 discs at phi = 0.8438, alpha = 2. Each is taken from a random
 # start (EARLY evaluations, in which lists of neighbours are made every few) and then
 # timed over LATE more, with one thread and with THREADS. Seconds are those of the
-# clock. Writes FOLDER/scaling.csv and scaling.svg; fifteen minutes.
+# clock. Writes FOLDER/scaling.csv and scaling.svg; four minutes.
 #
 #   experiments/scaling.sh [FOLDER=out/scaling [MOST=1000000 [THREADS=2]]]
 set -euo pipefail
@@ -49,4 +49,4 @@ ${row}"
   rm -rf "${folder}/start_${n}"
 done
 echo "${csv}" > "${folder}/scaling.csv"
-python3 experiments/plot.py scaling "${folder}/scaling.csv" "${folder}/scaling"
+/usr/bin/python3 experiments/plot.py scaling "${folder}/scaling.csv" "${folder}/scaling"
