@@ -70,7 +70,8 @@ constexpr int kCalm = 4;
 // A decade of max|g| takes a first-order method kDecade v^(-1/3) evaluations,
 // whose steps become smaller as the lowest frequencies fall towards jamming; so
 // many times that where some contacts change far from jamming, or many.
-constexpr double kDecade = 26.0;
+constexpr double kDecade = 26.0;         // of discs
+constexpr double kDecadeSpheres = 11.0;  // in blocks of three
 constexpr double kSomeTimes = 1.5;
 constexpr double kManyTimes = 2.0;
 // What its progress says is believed up to so many times that.
@@ -126,7 +127,8 @@ struct Costs {
       : factor(block > 2 ? 0.3 * (n / block)
                          : 42.0 * std::sqrt(n / 8192.0) *
                                std::max(1.0, std::pow(n / 262144.0, 2.0))),
-        solve(0.2 * factor) {}
+        solve(0.2 * factor),
+        decade(block > 2 ? kDecadeSpheres : kDecade) {}
 
   static double FirstOrderStep(Kind kind) {
     return kind == Kind::FIRE ? 1.3 : 2.0;
@@ -148,6 +150,7 @@ struct Costs {
   }
 
   const double factor, solve;
+  const double decade;  // of a first-order method, see kDecade
   const double analysis = 70.0;
   const double hessian = 4.0;
   const double gaps = 30.0;    // and vectors: of interior_point's iteration
@@ -349,7 +352,7 @@ class Phases {
 
   // What methods would still take.
   double FirstOrderDecade() const {
-    return Costs::FirstOrderStep(Kind::FIRE) * kDecade *
+    return Costs::FirstOrderStep(Kind::FIRE) * costs_.decade *
            std::pow(scales_.vanishing, -1.0 / 3.0);
   }
   double FirstOrderForecast() const {
