@@ -2,16 +2,16 @@
 // cheap, second-order ones where they are not.
 //
 //   newton          small loads, and the end of what others have settled
-//   interior_point  loads that are about to change many contacts
+//   interior_point  loads that are about to open or close many terms
 //   barrier         lbfgs:preconditioner=barrier,shift=1e-6: loads in between,
 //                   and what interior_point does not find its way through
-//   lbfgs           (memory=8) where contacts change all over
-//   fire            far from jamming, where a few digits are enough
+//   lbfgs           (memory=8) where terms open and close all over
+//   fire            far from a zero, where a few digits are enough
 //
 // Each starts from the best point of the one before it, so that none returns a
 // worse one. Which one begins is read off two numbers at the start: the
 // residual r (max|g| in units of Scales::gradient) and v = Scales::vanishing,
-// about the distance from jamming. Of the second-order methods it is
+// about the distance from a zero. Of the second-order methods it is
 //   newton          if r <= kSmall, or r <= kFew / size^(1/2) with v > kNear,
 //   none            if r > kLarge, or r > kMany with v > kFar / size,
 //   barrier         if r <= kMany (alpha - 1)^(5/2) with v <= kNear, where its
@@ -60,18 +60,18 @@ constexpr double kFar = 3e-3;  // for kSize unknowns; FarFor() others
 constexpr double kWide = 0.05;
 // Above this a first-order method goes on where interior_point has failed.
 constexpr double kFarForBarrier = 1.5e-3;
-// So near jamming hardly a contact changes in a small step: an interior_point
+// So near a zero hardly a term opens or closes in a small step: interior_point
 // that fails has gone elsewhere, and the next method starts where it started.
-constexpr double kIsostatic = 2e-5;
+constexpr double kNextToZero = 2e-5;
 // newton ends what others have settled once so many terms change from look to
 // look at most.
 constexpr int kCalm = 4;
 
 // A decade of max|g| takes a first-order method kDecade v^(-1/3) evaluations,
-// whose steps become smaller as the lowest frequencies fall towards jamming; so
-// many times that where some contacts change far from jamming, or many.
-constexpr double kDecade = 26.0;         // of discs
-constexpr double kDecadeSpheres = 11.0;  // in blocks of three
+// whose steps become smaller as the lowest frequencies fall towards a zero; so
+// many times that where some terms change far from it, or many.
+constexpr double kDecade = 26.0;
+constexpr double kDecadeOfThree = 11.0;  // in blocks of three unknowns
 constexpr double kSomeTimes = 1.5;
 constexpr double kManyTimes = 2.0;
 // What its progress says is believed up to so many times that.
@@ -101,7 +101,7 @@ constexpr int kWayPoints = 9;
 // Iterations of a first-order method between two looks.
 constexpr std::int64_t kLook = 100;
 
-// The larger a packing, the more contacts change, and buckle, at once.
+// The larger a function, the more terms open or close, and give way, at once.
 double FewFor(int n) { return kFew * std::sqrt(kSize / n); }
 double FarFor(int n) { return kFar * kSize / n; }
 
@@ -119,16 +119,16 @@ bool IsFirstOrder(Kind kind) {
   return kind == Kind::FIRE || kind == Kind::LBFGS;
 }
 
-// Costs in evaluations of n unknowns in blocks, as measured with 1024 to 65536
-// discs (README, where the time goes), a million, for which approximate minimum
-// degree fills far more, and 300 to 2000 spheres.
+// Costs in evaluations of n unknowns in blocks, as measured (README, where the
+// time goes) with 1024 to 65536 blocks of two, a million, for which approximate
+// minimum degree fills far more, and 300 to 2000 blocks of three.
 struct Costs {
   Costs(int n, int block)
       : factor(block > 2 ? 0.3 * (n / block)
                          : 42.0 * std::sqrt(n / 8192.0) *
                                std::max(1.0, std::pow(n / 262144.0, 2.0))),
         solve(0.2 * factor),
-        decade(block > 2 ? kDecadeSpheres : kDecade) {}
+        decade(block > 2 ? kDecadeOfThree : kDecade) {}
 
   static double FirstOrderStep(Kind kind) {
     return kind == Kind::FIRE ? 1.3 : 2.0;
@@ -487,7 +487,7 @@ class Phases {
 
   Summary SecondOrder(Kind kind, double* x) {
     is_first_order_alone_ = false;
-    if (kind == Kind::INTERIOR && start_vanishing_ <= kIsostatic) {
+    if (kind == Kind::INTERIOR && start_vanishing_ <= kNextToZero) {
       restart_.assign(x, x + function_->NumParameters());
     }
     Summary summary = Minimize(kind, x, [&](const IterationState& state) {
