@@ -8,10 +8,12 @@
 //   lbfgs           (memory=8) where terms open and close all over
 //   fire            far from a zero, where a few digits are enough
 //
-// Each starts from the best point of the one before it, so that none returns a
-// worse one. Which one begins is read off two numbers at the start: the
-// residual r (max|g| in units of Scales::gradient) and v = Scales::vanishing,
-// about the distance from a zero. Of the second-order methods it is
+// Each starts from the best point of the one before it, or, after an
+// interior_point that failed next to a zero, from where that started: none
+// returns a point worse than its start. Which one begins is read off two
+// numbers at the start: the residual r (max|g| in units of Scales::gradient)
+// and v = Scales::vanishing, about the distance from a zero. Of the
+// second-order methods it is
 //   newton          if r <= kSmall, or r <= kFew / size^(1/2) with v > kNear,
 //   none            if r > kLarge, or r > kMany with v > kFar / size,
 //   barrier         if r <= kMany (alpha - 1)^(5/2) with v <= kNear, where its
@@ -101,9 +103,10 @@ constexpr int kWayPoints = 9;
 // Iterations of a first-order method between two looks.
 constexpr std::int64_t kLook = 100;
 
-// The larger a function, the more terms open or close, and give way, at once.
+// Nothing was measured that would widen kFar below kSize. The larger a
+// function, the more terms open or close, and give way, at once.
 double FewFor(int n) { return kFew * std::sqrt(kSize / n); }
-double FarFor(int n) { return kFar * kSize / n; }
+double FarFor(int n) { return kFar * std::min(1.0, kSize / n); }
 
 enum class Kind { FIRE, LBFGS, NEWTON, INTERIOR, BARRIER };
 constexpr const char* kNames[] = {
@@ -255,6 +258,12 @@ class Phases {
     bool is_stuck = false;  // that gave up, and newton has its last word
     for (;;) {
       next_ = first_order_;
+      // Of the point that this phase begins at.
+      const double tolerance = total_.tolerance;
+      IterationState before;
+      before.cost = total_.cost;
+      before.max_gradient = total_.max_gradient;
+      before.scales = total_.scales;
       Summary phase =
           IsFirstOrder(kind) ? FirstOrder(kind, x) : SecondOrder(kind, x);
       scales_ = phase.scales;
@@ -294,8 +303,14 @@ class Phases {
         break;
       }
       if (total_.counters.evaluations >= options_.max_evaluations) break;
-      std::copy(restart_.begin(), restart_.end(), x);
-      restart_.clear();
+      if (!restart_.empty()) {
+        std::copy(restart_.begin(), restart_.end(), x);
+        restart_.clear();
+        total_.cost = before.cost;
+        total_.max_gradient = before.max_gradient;
+        total_.tolerance = tolerance;
+        total_.scales = before.scales;
+      }
       kind = next_;
     }
     if (!is_first_order_alone_) {
