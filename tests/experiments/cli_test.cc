@@ -1198,12 +1198,12 @@ TEST_F(Cli, ScalingFindsThePapersExponents) {
   const std::string states = Slurp(folder_ + "/out/states.csv");
   const Outcome again = Do("scaling",
                            "--seeds=1-8 --particles=256 --jobs=2 "
-                           "--spectra=1e-2 --distances=1e-3,3e-3,1e-2 "
-                           "--resume --out=out");
+                           "--spectra=1e-2 --distances=1e-3,3e-3,1e-2,3e-2 "
+                           "--most_distance=3e-2 --resume --out=out");
   ASSERT_EQ(again.status, 0) << again.err;
   EXPECT_NE(again.out.find("16 of them complete"), std::string::npos)
       << again.out;
-  EXPECT_EQ(Slurp(folder_ + "/out/states.csv"), states);
+  EXPECT_TRUE(Slurp(folder_ + "/out/states.csv") == states);
 }
 
 TEST_F(Cli, ModuliOfAFileAreReported) {
