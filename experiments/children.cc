@@ -81,7 +81,8 @@ std::vector<ChildResult> RunChildren(const std::string& binary,
                                      bool resume,
                                      bool children_resume,
                                      const Output& output,
-                                     bool* interrupted) {
+                                     bool* interrupted,
+                                     bool quiet) {
   std::vector<ChildResult> results(children.size());
   std::vector<Job> jobs;
   std::vector<std::size_t> child_of_job;
@@ -157,6 +158,7 @@ std::vector<ChildResult> RunChildren(const std::string& binary,
     if (outcome.state == JobOutcome::EXITED && !last.empty()) {
       failure += ": " + last;
     }
+    if (quiet) continue;
     std::fprintf(stderr,
                  "%s: %s: %s\n",
                  binary.c_str(),

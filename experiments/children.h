@@ -28,15 +28,16 @@ std::vector<std::string> PassedFlags(const std::vector<std::string>& own);
 
 // Runs each child, at most `at_once` at a time; with `resume` only those
 // without a complete result for the same arguments, with --resume if they were
-// cut short and `children_resume`. Prints progress and what went wrong. The
-// folder of `output` exists already.
+// cut short and `children_resume`. Prints progress and, unless `quiet`, what
+// went wrong. The folder of `output` exists already.
 std::vector<ChildResult> RunChildren(const std::string& binary,
                                      const std::vector<Child>& children,
                                      int at_once,
                                      bool resume,
                                      bool children_resume,
                                      const Output& output,
-                                     bool* interrupted);
+                                     bool* interrupted,
+                                     bool quiet = false);
 
 }  // namespace granopt
 

@@ -160,13 +160,6 @@ void AddPictures(int cases, std::vector<std::string>* names) {
 
 }  // namespace
 
-double CpuSeconds() {
-  std::timespec now;
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) +
-         1e-9 * static_cast<double>(now.tv_nsec);
-}
-
 double WallSeconds() {
   return std::chrono::duration<double>(
              std::chrono::steady_clock::now().time_since_epoch())
@@ -444,20 +437,6 @@ struct Start {
   // Of a shear step near jamming: where it was prepared to end.
   std::unique_ptr<ShearStep> step;
 };
-
-Load LoadOf(const Case& c) {
-  Load load;
-  if (c.kind == "growth" || c.kind == "fig2") {
-    load.radius_factor = 1.0 + c.value;
-  } else if (c.kind == "simple_shear" || c.kind == "near_jamming") {
-    load.simple_shear = c.kind == "near_jamming" ? StrainOf(c) : c.value;
-  } else if (c.kind == "pure_shear") {
-    load.pure_shear = c.value;
-  } else if (c.kind == "random") {
-    load.perturbation = c.value;
-  }
-  return load;
-}
 
 // The seeds of a case: with an input only random displacements depend on one.
 std::vector<std::uint64_t> SeedsOf(const ComparisonSetup& setup,

@@ -40,6 +40,8 @@
         of `scaling`: shear modulus and excess contacts of all sizes against P N^2
     plot.py vibrations SPECTRUM.csv OUT
         of `scaling`: density of states and participation ratios
+    plot.py extremes EXTREMES.csv OUT
+        of `extremes`: what became of every method at every extreme
     plot.py distributions FORCES.csv GAPS.csv DISTRIBUTIONS.csv OUT
         cumulative distributions of weak forces and small gaps
 
@@ -2618,6 +2620,75 @@ def VibrationsFigure(arguments):
   return figure
 
 
+# Of EXTREMES.csv: fill, ink and what it means, in order of severity.
+CELLS = (("passed", "#CFE6D8", GREEN, "passed: a certified minimum, or E = 0"),
+         ("stationary", "#BCD6EA", BLUE, "converged, not certified a minimum"),
+         ("degraded", "#F6E7C4", "#8A5A00", "ended with this residual, and says so"),
+         ("refused", "#E4E9EE", GREY, "refused, with a reason"),
+         ("lost", "#E9D3E2", "#8E3C6B", "not finite, hung or crashed"),
+         ("wrong", VERMILION, "white", "claims what is not so"))
+
+
+def ExtremesFigure(arguments):
+  path = arguments.table
+  table = ReadTable(path, ("extreme", "group", "solver", "cell", "residual"),
+                    words=("extreme", "group", "solver", "cell"))
+  extremes, methods = Unique(table["extreme"]), Unique(table["solver"])
+  if not extremes:
+    raise InputError("%s: no rows" % path)
+  styles = {name: (fill, ink) for name, fill, ink, _ in CELLS}
+  group_of = dict(zip(table["extreme"], table["group"]))
+  cell, gap = (0.86, 0.27), 0.34
+  groups = Unique(group_of[extreme] for extreme in extremes)
+  width = 2.6 + cell[0] * len(methods) + 0.2
+  # The key, in as many lines as it takes.
+  key, x, line = [], 0.2, 0
+  for name, fill, ink, words in CELLS:
+    label = "%d  %s" % (table["cell"].count(name), words)
+    if x > 0.2 and x + 0.35 + 0.085 * len(label) > width:
+      x, line = 0.2, line + 1
+    key.append((x, line, fill, label))
+    x += 0.55 + 0.085 * len(label)
+  left, top, bottom = 2.6, 0.7, 0.75 + 0.3 * line
+  height = top + cell[1] * len(extremes) + gap * len(groups) + bottom
+  figure = plt.figure(figsize=(width, height))
+  ax = figure.add_axes([0, 0, 1, 1])
+  ax.set_xlim(0, width)
+  ax.set_ylim(height, 0)
+  ax.set_axis_off()
+  for k, method in enumerate(methods):
+    ax.text(left + (k + 0.5) * cell[0], top - 0.08, method.replace("_", "\n"), ha="center",
+            va="bottom", fontsize=10.5)
+  at, y, last = {}, top, None
+  for extreme in extremes:
+    if group_of[extreme] != last:
+      last = group_of[extreme]
+      ax.text(0.2, y + 0.27, last, fontsize=11.5, fontweight="bold", va="bottom")
+      y += gap
+    ax.text(left - 0.1, y + 0.5 * cell[1], extreme.replace("_", " "), ha="right",
+            va="center", fontsize=10)
+    at[extreme] = y
+    y += cell[1]
+  for extreme, method, state, residual in zip(table["extreme"], table["solver"],
+                                              table["cell"], table["residual"]):
+    if state not in styles:
+      raise InputError("%s: cell %r is none of %s" % (path, state, ", ".join(styles)))
+    fill, ink = styles[state]
+    x = left + methods.index(method) * cell[0]
+    ax.add_patch(Rectangle((x + 0.02, at[extreme] + 0.015), cell[0] - 0.04, cell[1] - 0.03,
+                           facecolor=fill, linewidth=0))
+    text = {"passed": "ok", "stationary": "stationary"}.get(state, state)
+    if state == "degraded":
+      text = "%.0e" % residual if residual > 0 else "0"
+    ax.text(x + 0.5 * cell[0], at[extreme] + 0.5 * cell[1], text, ha="center", va="center",
+            fontsize=9, color=ink)
+  for x, line, fill, label in key:
+    y = height - bottom + 0.4 + 0.3 * line
+    ax.add_patch(Rectangle((x, y - 0.09), 0.22, 0.18, facecolor=fill, linewidth=0))
+    ax.text(x + 0.3, y, label, va="center", fontsize=10, color=INK)
+  return figure
+
+
 # Of DISTRIBUTIONS.csv: what a panel shows.
 QUANTITIES = (
     ("theta_localized", "weak forces of bucklers", r"$f\,/\,\langle f\rangle$",
@@ -2844,7 +2915,8 @@ def Arguments(words):
   command.add_argument("out")
   command.add_argument("--exponents", default="")
   command.set_defaults(figure=LawsFigure)
-  for name, figure in (("collapse", CollapseFigure), ("vibrations", VibrationsFigure)):
+  for name, figure in (("collapse", CollapseFigure), ("vibrations", VibrationsFigure),
+                       ("extremes", ExtremesFigure)):
     command = commands.add_parser(name)
     command.add_argument("table")
     command.add_argument("out")
