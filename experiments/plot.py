@@ -40,6 +40,10 @@
         of `scaling`: shear modulus and excess contacts of all sizes against P N^2
     plot.py vibrations SPECTRUM.csv OUT
         of `scaling`: density of states and participation ratios
+    plot.py tradeoff TRADEOFF.csv OUT
+        of `tradeoff`: the error of what users want against CPU time
+    plot.py phi_j JAMMING.csv OUT
+        of `tradeoff`: what sharper jamming points cost
     plot.py extremes EXTREMES.csv OUT
         of `extremes`: what became of every method at every extreme
     plot.py distributions FORCES.csv GAPS.csv DISTRIBUTIONS.csv OUT
@@ -2689,6 +2693,132 @@ def ExtremesFigure(arguments):
   return figure
 
 
+TRADED = (("pressure", "error of the pressure"), ("shear_modulus", "error of $G$ (13)"),
+          ("places", "error of places, in overlaps"))
+FLOOR = 1e-15  # errors below are drawn there
+
+
+def TradeoffFigure(arguments):
+  path = arguments.table
+  names = [name for name, _ in TRADED]
+  table = ReadTable(path, ("scene", "seed", "solver", "precision", "tolerance", "reached",
+                           "cpu_seconds", *names), words=("scene", "solver", "precision"))
+  scenes = Unique(table["scene"])
+  if not scenes:
+    raise InputError("%s: no rows" % path)
+  styles = MethodStyles(Unique(table["solver"]))
+  scene, solver = np.array(table["scene"]), np.array(table["solver"])
+  precision = np.array(table["precision"])
+  rows = len(scenes)
+  width, height = 13.2, 1.9 + 3.9 * rows
+  figure, axes = plt.subplots(
+      rows, 3, figsize=(width, height), squeeze=False, sharex="row",
+      gridspec_kw=dict(left=0.95 / width, right=1 - 0.2 / width, top=1 - 0.8 / height,
+                       bottom=1.3 / height, wspace=0.26, hspace=0.28))
+  for row, name_of_scene in enumerate(scenes):
+    here = scene == name_of_scene
+    finite = here & np.isfinite(table["cpu_seconds"]) & (table["cpu_seconds"] > 0)
+    if not finite.any():
+      continue
+    factor, unit = TimeUnit(table["cpu_seconds"][finite].max())
+    x_low, x_high = Span(factor * table["cpu_seconds"][finite])
+    for ax, (name, label) in zip(axes[row], TRADED):
+      ax.set_xscale("log")
+      ax.set_yscale("log")
+      everything = []
+      for method, (colour, _, marker) in styles.items():
+        for kind in Unique(precision):
+          mine = finite & (solver == method) & (precision == kind)
+          xs, ys = [], []
+          for level in sorted(set(table["tolerance"][mine]), reverse=True):
+            k = mine & (table["tolerance"] == level)
+            error = table[name][k].max()
+            if math.isfinite(error):
+              xs.append(factor * np.median(table["cpu_seconds"][k]))
+              ys.append(max(error, FLOOR))
+          if not xs:
+            continue
+          everything += zip(xs, ys)
+          ax.plot(xs, ys, color=colour, linestyle={"double": "-", "mixed": (0, (4, 2)),
+                                                   "float": (0, (1, 1.5))}[kind],
+                  linewidth=1.2, marker=marker, markersize=4.5 if kind == "double" else 3,
+                  zorder=3)
+      # What no setting beats.
+      front, best = [], np.inf
+      for x, y in sorted(everything):
+        if y < best:
+          front += [(x, best), (x, y)]
+          best = y
+      front = front[1:] + [(10**x_high, best)]
+      if everything:
+        ax.plot(*zip(*front), color=GREY, linewidth=5, alpha=0.3, zorder=1,
+                solid_joinstyle="miter")
+      y_low, y_high = Span(np.array([y for _, y in everything])) if everything else (-1, 0)
+      ax.set_xlim(10**x_low, 10**x_high)
+      ax.set_ylim(10**y_low, 10**y_high)
+      Decades(ax.xaxis, x_low, x_high)
+      Decades(ax.yaxis, y_low, y_high)
+      ax.set_ylabel(label)
+      ax.set_xlabel(unit)
+      ax.grid(True, color=PALE, linewidth=0.7)
+      ax.set_axisbelow(True)
+      ax.tick_params(which="both", top=True, right=True)
+    axes[row, 0].set_title(name_of_scene, loc="left", pad=7)
+  MethodLegend(figure, styles, markers=True)
+  ReadingHelp(figure, "A marker a decade of the tolerance, 1e-1 to 1e-13; solid: double, dashed: "
+              "mixed, dotted: single precision. Errors: the largest over packings, against "
+              "the minimum that the run ends in, 1e-15 at least; times: medians. Grey: what no "
+              "setting beats.", left=0.95)
+  return figure
+
+
+def PhiJFigure(arguments):
+  path = arguments.table
+  table = ReadTable(path, ("seed", "solver", "tolerance", "error_bar", "error",
+                           "cpu_seconds"), words=("solver",))
+  if not len(table["seed"]):
+    raise InputError("%s: no rows" % path)
+  solver = np.array(table["solver"])
+  styles = MethodStyles(Unique(table["solver"]))
+  width, height = 12.2, 6.0
+  figure, axes = plt.subplots(
+      1, 2, figsize=(width, height), sharey=True,
+      gridspec_kw=dict(left=1.0 / width, right=1 - 0.25 / width, top=1 - 0.7 / height,
+                       bottom=1.4 / height, wspace=0.08))
+  factor, unit = TimeUnit(table["cpu_seconds"].max())
+  error = np.maximum(table["error"], 1e-16)
+  for ax, x in ((axes[0], factor * table["cpu_seconds"]), (axes[1], table["error_bar"])):
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    for method, (colour, _, marker) in styles.items():
+      for level in sorted(set(table["tolerance"])):
+        for seed in sorted(set(table["seed"])):
+          k = (solver == method) & (table["tolerance"] == level) & (table["seed"] == seed)
+          k &= table["error"] > 0  # the last estimate is what it is judged by
+          if k.any():
+            ax.plot(x[k], error[k], color=colour, linewidth=0.9, marker=marker,
+                    markersize=4, alpha=0.75)
+    low, high = Span(x[x > 0])
+    ax.set_xlim(10**low, 10**high)
+    Decades(ax.xaxis, low, high)
+    ax.grid(True, color=PALE, linewidth=0.7)
+    ax.set_axisbelow(True)
+    ax.tick_params(which="both", top=True, right=True)
+  low, high = Span(error[table["error"] > 0]) if (table["error"] > 0).any() else (-12, -3)
+  axes[0].set_ylim(10**low, 10**high)
+  Decades(axes[0].yaxis, low, high)
+  limits = np.array(axes[1].get_xlim())
+  axes[1].plot(limits, limits, color=GREY, linewidth=1.3, linestyle=(0, (5, 3)), zorder=1)
+  axes[0].set_ylabel(r"$|\phi_J - $ the sharpest one of the run$|$")
+  axes[0].set_xlabel(unit)
+  axes[1].set_xlabel(r"error bar of $\phi_J$ at that moment")
+  MethodLegend(figure, styles, markers=True)
+  ReadingHelp(figure, "Decompressions from over-jammed states, a marker a state, lines: packings and "
+              "tolerances (1e-4, 1e-8). Right: below the dashed line the error is less "
+              "than the error bar that the run states.", left=1.0)
+  return figure
+
+
 # Of DISTRIBUTIONS.csv: what a panel shows.
 QUANTITIES = (
     ("theta_localized", "weak forces of bucklers", r"$f\,/\,\langle f\rangle$",
@@ -2916,7 +3046,8 @@ def Arguments(words):
   command.add_argument("--exponents", default="")
   command.set_defaults(figure=LawsFigure)
   for name, figure in (("collapse", CollapseFigure), ("vibrations", VibrationsFigure),
-                       ("extremes", ExtremesFigure)):
+                       ("extremes", ExtremesFigure), ("tradeoff", TradeoffFigure),
+                       ("phi_j", PhiJFigure)):
     command = commands.add_parser(name)
     command.add_argument("table")
     command.add_argument("out")
