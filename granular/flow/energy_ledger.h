@@ -3,6 +3,8 @@
 #ifndef GRANOPT_GRANULAR_FLOW_ENERGY_LEDGER_H_
 #define GRANOPT_GRANULAR_FLOW_ENERGY_LEDGER_H_
 
+#include <array>
+
 namespace granopt {
 
 // Kinetic energy, (4.3) and (4.7) times the total mass: bulk = M |v_cm|^2 / 2,
@@ -35,9 +37,9 @@ struct EnergyLedger {
 
 // Momentum in N s: p - p_start = external + damping + fixed + numerical.
 struct MomentumLedger {
-  double external[3] = {};
-  double damping[3] = {};
-  double fixed[3] = {};  // from pinned grains and walls
+  std::array<double, 3> external = {};
+  std::array<double, 3> damping = {};
+  std::array<double, 3> fixed = {};  // from pinned grains and walls
 };
 
 }  // namespace granopt

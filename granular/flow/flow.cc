@@ -240,7 +240,7 @@ bool FlowScene::Begin(double step, FlowState* state, std::string* error) const {
   *state = std::move(fresh);
   state->kinetic_start = Kinetic(state->v.data()).total();
   state->potential_start = Potential(state->x.data());
-  Momentum(state->v.data(), state->momentum_start);
+  Momentum(state->v.data(), state->momentum_start.data());
   return true;
 }
 

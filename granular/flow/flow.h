@@ -9,6 +9,7 @@
 #ifndef GRANOPT_GRANULAR_FLOW_FLOW_H_
 #define GRANOPT_GRANULAR_FLOW_FLOW_H_
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -66,7 +67,7 @@ struct FlowState {
   // At the start of the run.
   double kinetic_start = 0.0;
   double potential_start = 0.0;
-  double momentum_start[3] = {};
+  std::array<double, 3> momentum_start = {};
 };
 
 // What a scene contains. An ingredient that is absent is not called and holds
