@@ -315,7 +315,9 @@ std::unique_ptr<Stepper> MakeStepper() {
   }
   std::string error;
   std::unique_ptr<Solver> solver = CreateSolver(FLAGS_solver, &error);
-  if (solver == nullptr) BadInput("--solver: " + error);
+  if (solver == nullptr || !SolvesSteps(*solver, &error)) {
+    BadInput("--solver: " + error);
+  }
   return CreateMinimizingStepper(options, std::move(solver));
 }
 
@@ -535,18 +537,22 @@ void PrintLedger(const Json& ledger) {
   const auto get = [&](const char* key) {
     return ledger.at(key).get<double>();
   };
+  // What the scene does not contain is not listed.
+  std::string text;
+  for (const auto& [key, name] : {std::pair{"boundary", "boundary"},
+                                  {"impact", "impact"},
+                                  {"friction", "friction"},
+                                  {"external", "external"},
+                                  {"damping", "damping"},
+                                  {"numerical", "integrator"}}) {
+    if (get(key) != 0.0) text += Format("%s %+.4f, ", name, get(key));
+  }
   std::printf(
-      "  ledger        J/kg: boundary %+.4f, contacts %+.4f, friction %+.4f, "
-      "external %+.4f, damping %+.4f,\n"
-      "                potential difference %+.4f, integrator %+.4f; "
-      "closes to %.1e, momentum to %.1e\n",
-      get("boundary"),
-      get("impact"),
-      get("friction"),
-      get("external"),
-      get("damping"),
+      "  ledger        J/kg: %+.4f kinetic = %spotential %+.4f\n"
+      "                closes to %.1e, momentum to %.1e\n",
+      get("kinetic_change"),
+      text.c_str(),
       -get("potential_change"),
-      get("numerical"),
       std::fabs(get("closure")),
       get("momentum_drift"));
 }

@@ -498,6 +498,22 @@ double FlowScene::Closure(const FlowState& state, double kinetic) const {
           e.damping);
 }
 
+bool FlowScene::HasCollapsed(const double* x,
+                             double time,
+                             std::string* error) const {
+  if (near_field_ == nullptr) return false;
+  const double distance = near_field_->LastLeastDistance();
+  if (!(distance < kCollapsedDistance * 2.0 * least_radius_) ||
+      !(EvaluateLaw(near_field_->law(), distance).force_over_distance > 0.0)) {
+    return false;
+  }
+  double ratio;
+  *error = Format("collapse at t = %.9g: %s and attract each other still",
+                  time,
+                  DescribeClosest(x, &ratio).c_str());
+  return true;
+}
+
 std::string FlowScene::DescribeClosest(const double* x, double* ratio) const {
   *ratio = std::numeric_limits<double>::infinity();
   int first = 0, second = 0;

@@ -96,6 +96,10 @@ struct SmoothForces {
   double soft_contact_energy = 0.0;
 };
 
+// Closer than this part of the sum of their radii, grains have collapsed: the
+// model of their contact has long lost its meaning.
+constexpr double kCollapsedDistance = 0.01;
+
 class FlowScene {
  public:
   // Null and one line in `error` for anything out of range: e outside [0, 1],
@@ -150,6 +154,11 @@ class FlowScene {
   // numerical of (L2), and the roundoff of (L1).
   double Numerical(const FlowState& state, double potential) const;
   double Closure(const FlowState& state, double kinetic) const;
+
+  // True, with one line in `error`, if two grains are closer than that in the
+  // last Forces() and attract each other all the same: nothing holds them
+  // apart.
+  bool HasCollapsed(const double* x, double time, std::string* error) const;
 
   // The closest pair, for messages: "grains 3 and 17 are at 0.31 of the sum of
   // their radii".

@@ -12,10 +12,6 @@ namespace {
 
 using Sweep = StepperOptions::Sweep;
 
-// Closer than this part of the sum of their radii, grains have collapsed: the
-// contact model has long lost its meaning.
-constexpr double kCollapsed = 0.01;
-
 class ImplicitStepper : public Stepper {
  public:
   explicit ImplicitStepper(const StepperOptions& options) : options_(options) {}
@@ -51,7 +47,7 @@ class ImplicitStepper : public Stepper {
       const Outcome outcome = Iterate(scene, dt, state, report, &factor);
       if (outcome == Outcome::CONVERGED) {
         Accept(scene, dt, factor, wanted, state, report);
-        return true;
+        return !scene.HasCollapsed(state->x.data(), state->time, error);
       }
       ++state->rejected;
       report->rejections.push_back(
@@ -77,7 +73,7 @@ class ImplicitStepper : public Stepper {
     double ratio;
     const std::string closest = scene.DescribeClosest(state->x.data(), &ratio);
     *error = Format("%s at t = %.9g: Dt would fall below %.1e of its limit; %s",
-                    ratio < kCollapsed ? "collapse" : "step floor",
+                    ratio < kCollapsedDistance ? "collapse" : "step floor",
                     state->time,
                     options_.floor,
                     closest.c_str());

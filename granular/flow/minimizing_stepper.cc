@@ -223,6 +223,9 @@ class MinimizingStepper : public Stepper {
       double change;
       if (Solve(scene, dt, state, report, &summary, &change)) {
         Accept(scene, dt, state, report);
+        if (scene.HasCollapsed(state->x.data(), state->time, error)) {
+          return false;
+        }
         // As slowly back as it was taken fast.
         if (options_.is_adaptive) {
           state->step = std::min(options_.step, 1.5 * wanted);
@@ -253,7 +256,7 @@ class MinimizingStepper : public Stepper {
     double ratio;
     const std::string closest = scene.DescribeClosest(state->x.data(), &ratio);
     *error = Format("%s at t = %.9g: Dt would fall below %.1e of its limit; %s",
-                    ratio < 0.01 ? "collapse" : "step floor",
+                    ratio < kCollapsedDistance ? "collapse" : "step floor",
                     state->time,
                     options_.floor,
                     closest.c_str());
@@ -394,6 +397,17 @@ class MinimizingStepper : public Stepper {
 };
 
 }  // namespace
+
+bool SolvesSteps(const Solver& solver, std::string* error) {
+  FlowSceneOptions options;
+  options.grains.mass = options.grains.radius = {1.0};
+  FlowState state;
+  state.x.assign(3 * options.grains.stride(), 0.0);
+  state.v = state.x;
+  const std::unique_ptr<FlowScene> scene = FlowScene::Create(options, error);
+  const IncrementalPotential phi(*scene, state, 1.0, state.v);
+  return solver.Supports(phi, error);
+}
 
 std::unique_ptr<Stepper> CreateMinimizingStepper(
     const StepperOptions& options, std::unique_ptr<Solver> solver) {

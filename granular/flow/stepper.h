@@ -100,6 +100,9 @@ std::unique_ptr<Stepper> CreateVerletStepper(const StepperOptions& options);
 std::unique_ptr<Stepper> CreateMinimizingStepper(
     const StepperOptions& options, std::unique_ptr<Solver> solver);
 
+// False, with one line in `error`, for a method that cannot serve Phi.
+bool SolvesSteps(const Solver& solver, std::string* error);
+
 // Steps until `end`; false with the stepper's error. `observer` sees each
 // accepted step and may stop the run by returning false (which is no error:
 // state->time tells).

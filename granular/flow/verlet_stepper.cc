@@ -109,7 +109,7 @@ class VerletStepper : public Stepper {
     evaluated_time_ = state->time;
     report->step = dt;
     report->iterations = 1;
-    return true;
+    return !scene.HasCollapsed(state->x.data(), state->time, error);
   }
 
  private:
