@@ -222,6 +222,45 @@ void Fields(A& a, T& s) {
   a("legs", s.legs);
 }
 
+template <typename A, typename T, IfSame<T, EnergyLedger> = true>
+void Fields(A& a, T& e) {
+  a("near_field", e.near_field);
+  a("soft_contact", e.soft_contact);
+  a("impact", e.impact);
+  a("friction", e.friction);
+  a("external", e.external);
+  a("damping", e.damping);
+  a("boundary", e.boundary);
+}
+
+template <typename A, typename T, IfSame<T, MomentumLedger> = true>
+void Fields(A& a, T& m) {
+  a("external", m.external);
+  a("damping", m.damping);
+  a("fixed", m.fixed);
+}
+
+template <typename A, typename T, IfSame<T, FlowState> = true>
+void Fields(A& a, T& s) {
+  a("time", s.time);
+  a("step", s.step);
+  a("x", s.x);
+  a("v", s.v);
+  a("steps", s.steps);
+  a("rejected", s.rejected);
+  a("sweeps", s.sweeps);
+  a("impulses", s.impulses);
+  a("sticking", s.sticking);
+  a("jumps", s.jumps);
+  a("fast", s.fast);
+  a("worst_balance", s.worst_balance);
+  a("energy", s.energy);
+  a("momentum", s.momentum);
+  a("kinetic_start", s.kinetic_start);
+  a("potential_start", s.potential_start);
+  a("momentum_start", s.momentum_start);
+}
+
 // The object of a file, or false with what is wrong with it in `fault`.
 bool ReadOne(const std::string& path, Json* content, std::string* fault) {
   std::string text;
@@ -379,6 +418,9 @@ Json ToJson(const RelaxationState& state) { return Written(state); }
 RelaxationState RelaxationStateOf(const Json& json) {
   return ReadFrom<RelaxationState>(json);
 }
+
+Json ToJson(const FlowState& state) { return Written(state); }
+FlowState FlowStateOf(const Json& json) { return ReadFrom<FlowState>(json); }
 
 void CatchStopSignals() {
   std::signal(SIGINT, NoteStop);

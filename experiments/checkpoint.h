@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "granular/flow/flow.h"
 #include "granular/jamming.h"
 #include "granular/relaxation.h"
 #include "nlohmann/json.hpp"
@@ -70,6 +71,10 @@ JammingState JammingStateOf(const Json& json);
 // A relaxation between two legs, exactly; the same.
 Json ToJson(const RelaxationState& state);
 RelaxationState RelaxationStateOf(const Json& json);
+
+// A flow after a step, exactly; the same.
+Json ToJson(const FlowState& state);
+FlowState FlowStateOf(const Json& json);
 
 // From now on SIGINT and SIGTERM are noticed instead of ending the process;
 // the second one ends it.

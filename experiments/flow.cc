@@ -1,0 +1,1304 @@
+// flow: near-field granular flow (granular/flow/flow.h).
+//
+//   flow                 one run of one scene: energies, ledger, trajectory
+//   flow --paper         Figs 4 to 6 of Zohdi, Int. J. Solids Struct. 42 (2005)
+//                        539: four strengths, 20 starts each, mean and spread
+//   flow --study=NAME    work_precision, remark8, oscillator or throughput
+
+#include "experiments/flow.h"
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "experiments/checkpoint.h"
+#include "granular/packing_io.h"
+#include "solvers/registry.h"
+#include "solvers/threads.h"
+
+// ---- the start
+DEFINE_int32(particles, 100, "number of grains n of a random start");
+DEFINE_double(side, 1.0, "side D of the cube around 0, m");
+DEFINE_double(length_ratio,
+              0.25,
+              "L: radius over D / n^(1/3); volume fraction 4 pi L^3 / 3");
+DEFINE_double(density, 2000.0, "of a grain, kg / m^3");
+DEFINE_string(mean_velocity, "1,0.1,0.1", "of all grains, m / s");
+DEFINE_string(perturbation,
+              "1,0.1,0.1",
+              "velocities are the mean + this times uniform in [-1, 1]");
+DEFINE_int32(attempts,
+             10000,
+             "places tried for a grain of a random start; 0: the first, "
+             "overlaps and all");
+DEFINE_string(input,
+              "",
+              "extended XYZ file (spheres in a cube) for centres and radii "
+              "instead of a random start");
+DEFINE_bool(relax_overlaps,
+            false,
+            "first move overlapping grains apart, with --solver on the contact "
+            "energy");
+// ---- forces
+DEFINE_string(law,
+              "powers",
+              "near field: powers (2.2), mie, lennard_jones, morse or none");
+DEFINE_double(alpha1, 0.25, "strength of attraction, per weight^2");
+DEFINE_double(beta1, 1.0, "its exponent");
+DEFINE_double(alpha2, 0.125, "strength of repulsion, per weight^2");
+DEFINE_double(beta2, 2.0, "its exponent, > beta1 for stability (2.8)");
+DEFINE_string(weight,
+              "mass",
+              "what strengths are multiplied by, grain by grain: mass, area "
+              "(footnote 14) or one");
+DEFINE_double(depth, 1.0, "of the well of mie, lennard_jones and morse");
+DEFINE_double(sigma, 0.2, "where the potential of mie, lennard_jones is 0");
+DEFINE_double(mie_repulsion, 12.0, "n of mie");
+DEFINE_double(mie_attraction, 6.0, "m of mie, < n");
+DEFINE_double(morse_steepness, 5.0, "a of morse, 1 / m");
+DEFINE_double(morse_distance, 0.3, "of the least potential of morse, m");
+DEFINE_string(contacts,
+              "impact",
+              "impact (restitution and friction), soft (energy of overlaps) "
+              "or none");
+DEFINE_double(restitution, 0.5, "e, or e0 of (5.13)");
+DEFINE_bool(velocity_dependent, false, "e = max(e0 (1 - dv/v*), e-) (5.13)");
+DEFINE_double(velocity_scale, 1.0, "v* of (5.13), m / s");
+DEFINE_double(least_restitution, 0.1, "e- of (5.13)");
+DEFINE_double(impact_duration, 0.01, "gamma of (3.18), in time steps");
+DEFINE_double(mu_s, 0.2, "coefficient of static friction");
+DEFINE_double(mu_d, 0.1, "coefficient of dynamic friction, <= mu_s");
+DEFINE_double(stiffness, 1e4, "k of soft contacts, k delta^alpha / alpha");
+DEFINE_double(contact_alpha, 2.0, "alpha of soft contacts");
+DEFINE_string(gravity, "0,0,0", "constant force per mass, m / s^2");
+DEFINE_string(force, "0,0,0", "amplitude of a harmonic force per mass");
+DEFINE_double(force_frequency, 0.0, "its angular frequency Omega, 1 / s");
+DEFINE_double(damping, 0.0, "d / m of a drag -d v, 1 / s");
+DEFINE_string(domain,
+              "paper",
+              "paper (x -> -x for an outgoing grain, no images), periodic "
+              "(nearest image), walls or open");
+// ---- steps
+DEFINE_string(
+    stepper,
+    "implicit",
+    "implicit (the paper's fixed point), verlet or minimize (the same "
+    "step by --solver)");
+DEFINE_double(duration, 1.0, "end of the run, s");
+DEFINE_double(dt, 0.01, "time step, or its upper limit, s");
+DEFINE_double(first_dt, 0.001, "first step of implicit, s");
+DEFINE_double(tolerance, 1e-8, "TOL of an implicit step");
+DEFINE_int32(iterations, 10, "K_d, in which an implicit step must converge");
+DEFINE_string(sweep,
+              "jacobi",
+              "order of updates of implicit: jacobi, gauss_seidel or groups");
+DEFINE_int32(groups, 4, "number of groups of --sweep=groups");
+DEFINE_double(relaxation, 1.0, "gamma of (6.13)");
+DEFINE_double(safety, 0.9, "factor on the step of (6.8)");
+DEFINE_string(solver,
+              "lbfgs",
+              "method of --stepper=minimize and of "
+              "--relax_overlaps (see --list_solvers)");
+DEFINE_bool(list_solvers, false, "print the methods and exit");
+DEFINE_int32(threads, 1, "results are the same bits on any number");
+// ---- modes
+DEFINE_bool(paper, false, "Figs 4 to 6 with the parameters of sec. 7.1");
+DEFINE_int32(seeds, 20, "starts of --paper and of studies");
+DEFINE_string(study, "", "work_precision, remark8, oscillator or throughput");
+DEFINE_int32(frames, 101, "of the trajectory, and rows of energy.csv");
+DEFINE_bool(resume,
+            false,
+            "go on with an interrupted run in --out; ends in the same bits");
+DEFINE_int64(checkpoint_every,
+             0,
+             "steps between checkpoints of one run (0: some 1e10 pairs)");
+
+namespace granopt {
+
+MeanSpread Statistics(const std::vector<double>& values) {
+  MeanSpread result;
+  const double n = static_cast<double>(values.size());
+  for (const double v : values) result.mean += v / n;
+  double sum = 0.0;
+  for (const double v : values) {
+    sum += (v - result.mean) * (v - result.mean);
+  }
+  if (values.size() > 1) result.deviation = std::sqrt(sum / (n - 1.0));
+  return result;
+}
+
+double CpuSeconds() {
+  rusage usage;
+  getrusage(RUSAGE_SELF, &usage);
+  return usage.ru_utime.tv_sec + 1e-6 * usage.ru_utime.tv_usec +
+         usage.ru_stime.tv_sec + 1e-6 * usage.ru_stime.tv_usec;
+}
+
+FlowCase MakePaperCase(const Strength& strength,
+                       std::uint64_t seed,
+                       Domain::Kind domain,
+                       bool velocity_dependent,
+                       int particles) {
+  FlowSceneOptions options;
+  options.domain.kind = domain;
+  FlowStart start;
+  start.particles = particles;
+  start.seed = seed;
+  start.period = options.domain.period();
+  if (strength.alpha1 > 0.0 || strength.alpha2 > 0.0) {
+    options.near_field = NearFieldOptions();
+    options.near_field->law =
+        RadialLaw::Powers(strength.alpha1, 1.0, strength.alpha2, 2.0);
+  }
+  ImpactOptions impact;
+  impact.is_velocity_dependent = velocity_dependent;
+  impact.friction = {0.2, 0.1};
+  options.impact = impact;
+  FlowCase flow;
+  std::string error;
+  if (!MakeStart(start, &options.grains, &flow.state, &error)) BadInput(error);
+  flow.scene = FlowScene::Create(options, &error);
+  if (flow.scene == nullptr || !flow.scene->Begin(0.001, &flow.state, &error)) {
+    BadInput(error);
+  }
+  return flow;
+}
+
+namespace {
+
+void ReadVector(const char* flag, const std::string& text, double* v) {
+  int used = 0;
+  if (std::sscanf(text.c_str(), "%lf,%lf,%lf%n", &v[0], &v[1], &v[2], &used) !=
+          3 ||
+      used != static_cast<int>(text.size()) || !std::isfinite(v[0]) ||
+      !std::isfinite(v[1]) || !std::isfinite(v[2])) {
+    BadInput(Format("--%s=%s must be three numbers x,y,z", flag, text.c_str()));
+  }
+}
+
+// ---------------------------------------------------------------- one run
+
+RadialLaw MakeLaw() {
+  if (FLAGS_law == "powers") {
+    return RadialLaw::Powers(
+        FLAGS_alpha1, FLAGS_beta1, FLAGS_alpha2, FLAGS_beta2);
+  }
+  if (FLAGS_law == "lennard_jones" || FLAGS_law == "mie") {
+    const bool is_mie = FLAGS_law == "mie";
+    const double n = is_mie ? FLAGS_mie_repulsion : 12.0;
+    const double m = is_mie ? FLAGS_mie_attraction : 6.0;
+    CheckPositive("depth", FLAGS_depth);
+    CheckPositive("sigma", FLAGS_sigma);
+    if (!(n > m && m > 0.0)) {
+      BadInput(Format(
+          "--mie_repulsion=%g must exceed --mie_attraction=%g > 0", n, m));
+    }
+    return RadialLaw::Mie(FLAGS_depth, FLAGS_sigma, n, m);
+  }
+  if (FLAGS_law == "morse") {
+    return RadialLaw::Morse(
+        FLAGS_depth, FLAGS_morse_steepness, FLAGS_morse_distance);
+  }
+  BadInput("--law=" + FLAGS_law +
+           " must be powers, mie, lennard_jones, morse or none");
+}
+
+// All but grains.
+FlowSceneOptions MakeSceneOptions() {
+  FlowSceneOptions options;
+  if (!ParseDomain(FLAGS_domain.c_str(), &options.domain.kind)) {
+    BadInput("--domain=" + FLAGS_domain +
+             " must be paper, periodic, walls or open");
+  }
+  CheckPositive("side", FLAGS_side);
+  options.domain.side = FLAGS_side;
+  if (FLAGS_law != "none" &&
+      !(FLAGS_law == "powers" && FLAGS_alpha1 == 0.0 && FLAGS_alpha2 == 0.0)) {
+    options.near_field = NearFieldOptions();
+    options.near_field->law = MakeLaw();
+  }
+  if (FLAGS_weight == "mass") {
+    options.weight = FlowSceneOptions::Weight::MASS;
+  } else if (FLAGS_weight == "area") {
+    options.weight = FlowSceneOptions::Weight::AREA;
+  } else if (FLAGS_weight == "one") {
+    options.weight = FlowSceneOptions::Weight::ONE;
+  } else {
+    BadInput("--weight=" + FLAGS_weight + " must be mass, area or one");
+  }
+  if (FLAGS_contacts == "impact") {
+    ImpactOptions impact;
+    impact.restitution = FLAGS_restitution;
+    impact.is_velocity_dependent = FLAGS_velocity_dependent;
+    impact.velocity_scale = FLAGS_velocity_scale;
+    impact.least_restitution = FLAGS_least_restitution;
+    impact.duration = FLAGS_impact_duration;
+    impact.friction = {FLAGS_mu_s, FLAGS_mu_d};
+    options.impact = impact;
+  } else if (FLAGS_contacts == "soft") {
+    for (const char* flag : {"restitution", "mu_s", "mu_d"}) {
+      if (IsGiven(flag)) {
+        BadInput(std::string("--") + flag +
+                 " is of impacts and cannot go with --contacts=soft");
+      }
+    }
+    options.soft_contact = SoftContactOptions();
+    options.soft_contact->stiffness = FLAGS_stiffness;
+    options.soft_contact->alpha = FLAGS_contact_alpha;
+  } else if (FLAGS_contacts != "none") {
+    BadInput("--contacts=" + FLAGS_contacts + " must be impact, soft or none");
+  }
+  ExternalForce external;
+  ReadVector("gravity", FLAGS_gravity, external.constant);
+  ReadVector("force", FLAGS_force, external.amplitude);
+  external.frequency = FLAGS_force_frequency;
+  bool has_external = false;
+  for (int k = 0; k < 3; ++k) {
+    has_external = has_external || external.constant[k] != 0.0 ||
+                   external.amplitude[k] != 0.0;
+  }
+  if (has_external) options.external = external;
+  options.damping = FLAGS_damping;
+  return options;
+}
+
+StepperOptions MakeStepperOptions() {
+  StepperOptions options;
+  CheckPositive("dt", FLAGS_dt);
+  CheckPositive("first_dt", FLAGS_first_dt);
+  CheckPositive("tolerance", FLAGS_tolerance);
+  CheckPositive("duration", FLAGS_duration);
+  CheckRange("iterations", FLAGS_iterations, 2, 100000);
+  CheckRange("relaxation", FLAGS_relaxation, 1e-3, 2.0);
+  CheckRange("safety", FLAGS_safety, 0.1, 1.0);
+  CheckRange("groups", FLAGS_groups, 1, 1000000);
+  if (FLAGS_tolerance < 1e-14) {
+    BadInput(
+        Format("--tolerance=%g is below the roundoff of positions, about "
+               "1e-15 of a step's displacements",
+               FLAGS_tolerance));
+  }
+  options.step = FLAGS_dt;
+  options.first_step = std::min(FLAGS_first_dt, FLAGS_dt);
+  options.tolerance = FLAGS_tolerance;
+  options.desired_iterations = FLAGS_iterations;
+  options.relaxation = FLAGS_relaxation;
+  options.safety = FLAGS_safety;
+  options.groups = FLAGS_groups;
+  if (FLAGS_sweep == "jacobi") {
+    options.sweep = StepperOptions::Sweep::JACOBI;
+  } else if (FLAGS_sweep == "gauss_seidel") {
+    options.sweep = StepperOptions::Sweep::GAUSS_SEIDEL;
+  } else if (FLAGS_sweep == "groups") {
+    options.sweep = StepperOptions::Sweep::GROUPS;
+  } else {
+    BadInput("--sweep=" + FLAGS_sweep +
+             " must be jacobi, gauss_seidel or groups");
+  }
+  return options;
+}
+
+std::unique_ptr<Stepper> MakeStepper() {
+  const StepperOptions options = MakeStepperOptions();
+  if (FLAGS_stepper == "implicit") return CreateImplicitStepper(options);
+  if (FLAGS_stepper == "verlet") return CreateVerletStepper(options);
+  if (FLAGS_stepper != "minimize") {
+    BadInput("--stepper=" + FLAGS_stepper +
+             " must be implicit, verlet or minimize");
+  }
+  std::string error;
+  std::unique_ptr<Solver> solver = CreateSolver(FLAGS_solver, &error);
+  if (solver == nullptr || !SolvesSteps(*solver, &error)) {
+    BadInput("--solver: " + error);
+  }
+  return CreateMinimizingStepper(options, std::move(solver));
+}
+
+// Centres and radii of a file, shifted so that its cube is around 0.
+void ReadStart(FlowSceneOptions* options, FlowState* state) {
+  Packing packing;
+  std::string error;
+  if (!ReadPacking(FLAGS_input, &packing, &error))
+    BadInput("--input: " + error);
+  const SmallMatrix& edges = packing.box.edges();
+  const int n = packing.size();
+  if (packing.dimension() != 3) {
+    BadInput("--input: " + FLAGS_input + ": discs; a flow is of spheres");
+  }
+  if (!edges.isApprox(SmallMatrix::Identity(3, 3) * edges(0, 0), 1e-12)) {
+    BadInput("--input: " + FLAGS_input + ": the cell is no cube");
+  }
+  for (const char* flag : {"particles", "length_ratio", "side", "attempts"}) {
+    if (IsGiven(flag)) {
+      BadInput(std::string("--") + flag +
+               " describes a random start and cannot go with --input");
+    }
+  }
+  packing.Wrap();
+  options->domain.side = edges(0, 0);
+  // Velocities as those of a random start of as many.
+  FlowStart start;
+  start.particles = n;
+  start.seed = FLAGS_seed;
+  start.attempts = 0;
+  ReadVector("mean_velocity", FLAGS_mean_velocity, start.mean);
+  ReadVector("perturbation", FLAGS_perturbation, start.perturbation);
+  if (!MakeStart(start, &options->grains, state, &error)) BadInput(error);
+  const int stride = options->grains.stride();
+  for (int i = 0; i < n; ++i) {
+    const double b = packing.radii[i];
+    options->grains.radius[i] = b;
+    options->grains.mass[i] = FLAGS_density * GrainVolume(3, b);
+    for (int k = 0; k < 3; ++k) {
+      state->x[k * stride + i] =
+          packing.positions(k, i) - 0.5 * options->domain.side;
+    }
+  }
+}
+
+FlowCase MakeCase(std::string* relaxed) {
+  FlowSceneOptions options = MakeSceneOptions();
+  FlowCase flow;
+  std::string error;
+  CheckPositive("density", FLAGS_density);
+  if (!FLAGS_input.empty()) {
+    ReadStart(&options, &flow.state);
+  } else {
+    CheckRange("particles", FLAGS_particles, 1, 10000000);
+    CheckPositive("length_ratio", FLAGS_length_ratio);
+    CheckRange("length_ratio", FLAGS_length_ratio, 0.0, 2.0);
+    CheckRange("attempts", FLAGS_attempts, 0, 1e9);
+    FlowStart start;
+    start.particles = FLAGS_particles;
+    start.side = FLAGS_side;
+    start.length_ratio = FLAGS_length_ratio;
+    start.density = FLAGS_density;
+    start.seed = FLAGS_seed;
+    start.attempts = FLAGS_attempts;
+    start.period = options.domain.period();
+    ReadVector("mean_velocity", FLAGS_mean_velocity, start.mean);
+    ReadVector("perturbation", FLAGS_perturbation, start.perturbation);
+    if (!MakeStart(start, &options.grains, &flow.state, &error)) {
+      BadInput(error);
+    }
+  }
+  flow.scene = FlowScene::Create(options, &error);
+  if (flow.scene == nullptr) BadInput(error);
+  if (FLAGS_relax_overlaps && !RelaxOverlaps(options.grains,
+                                             options.domain,
+                                             FLAGS_solver,
+                                             &flow.state,
+                                             relaxed,
+                                             &error)) {
+    BadInput(error);
+  }
+  return flow;
+}
+
+// One frame of extended XYZ; digits %.9g are enough to look at, %.17g to go on.
+std::string Frame(const FlowScene& scene, const FlowState& state, int digits) {
+  const int n = scene.size(), stride = scene.stride();
+  const Domain& domain = scene.options().domain;
+  const double side = domain.side;
+  const char* const pbc =
+      domain.kind == Domain::Kind::NEAREST_IMAGE ? "T T T" : "F F F";
+  std::string text = Format(
+      "%d\nLattice=\"%.17g 0 0 0 %.17g 0 0 0 %.17g\" "
+      "Origin=\"%.17g %.17g %.17g\" "
+      "Properties=species:S:1:pos:R:3:radius:R:1:velo:R:3 pbc=\"%s\" "
+      "Time=%.17g\n",
+      n,
+      side,
+      side,
+      side,
+      -0.5 * side,
+      -0.5 * side,
+      -0.5 * side,
+      pbc,
+      state.time);
+  for (int i = 0; i < n; ++i) {
+    const double* const x = state.x.data() + i;
+    const double* const v = state.v.data() + i;
+    text += Format("A %.*g %.*g %.*g %.*g %.*g %.*g %.*g\n",
+                   digits,
+                   x[0],
+                   digits,
+                   x[stride],
+                   digits,
+                   x[2 * stride],
+                   digits,
+                   scene.grains().radius[i],
+                   digits,
+                   v[0],
+                   digits,
+                   v[stride],
+                   digits,
+                   v[2 * stride]);
+  }
+  return text;
+}
+
+const char kEnergyHeader[] =
+    "time,step,kinetic,bulk,relative,potential,near_field,soft_contact,impact,"
+    "friction,external,damping,boundary,numerical,closure\n";
+
+// A row of energy.csv, all per mass (J / kg).
+std::string EnergyRow(const FlowScene& scene, const FlowState& state) {
+  const KineticEnergy k = scene.Kinetic(state.v.data());
+  const double potential = scene.Potential(state.x.data());
+  const EnergyLedger& e = state.energy;
+  const double m = scene.total_mass();
+  std::string row = Format("%.17g,%.17g", state.time, state.step);
+  for (const double value : {k.total(),
+                             k.bulk,
+                             k.relative,
+                             potential,
+                             e.near_field,
+                             e.soft_contact,
+                             e.impact,
+                             e.friction,
+                             e.external,
+                             e.damping,
+                             e.boundary,
+                             scene.Numerical(state, potential),
+                             scene.Closure(state, k.total())}) {
+    row += Format(",%.17g", value / m);
+  }
+  return row + "\n";
+}
+
+std::string RejectionRows(const StepReport& report) {
+  std::string rows;
+  for (const Rejection& r : report.rejections) {
+    rows += Format("%.17g,%.17g,%d,%.6g,%s\n",
+                   r.time,
+                   r.step,
+                   r.iterations,
+                   r.ratio,
+                   r.reason.c_str());
+  }
+  return rows;
+}
+
+Json LedgerJson(const FlowScene& scene, const FlowState& state) {
+  const KineticEnergy k = scene.Kinetic(state.v.data());
+  const double potential = scene.Potential(state.x.data());
+  const double m = scene.total_mass();
+  const EnergyLedger& e = state.energy;
+  double p[3], drift = 0.0, size = 0.0;
+  scene.Momentum(state.v.data(), p);
+  for (int c = 0; c < 3; ++c) {
+    const double rest = p[c] - state.momentum_start[c] -
+                        state.momentum.external[c] - state.momentum.damping[c] -
+                        state.momentum.fixed[c];
+    drift += rest * rest;
+    size += state.momentum_start[c] * state.momentum_start[c];
+  }
+  return {{"kinetic_change", (k.total() - state.kinetic_start) / m},
+          {"potential_change", (potential - state.potential_start) / m},
+          {"boundary", e.boundary / m},
+          {"impact", e.impact / m},
+          {"friction", e.friction / m},
+          {"external", e.external / m},
+          {"damping", e.damping / m},
+          {"numerical", scene.Numerical(state, potential) / m},
+          {"closure", scene.Closure(state, k.total()) / m},
+          {"momentum_drift", size > 0.0 ? std::sqrt(drift / size) : 0.0},
+          {"worst_force_balance", state.worst_balance}};
+}
+
+Json CountsJson(const FlowState& state) {
+  return {{"steps", state.steps},
+          {"rejected_steps", state.rejected},
+          {"force_sweeps", state.sweeps},
+          {"impulses", state.impulses},
+          {"sticking_impulses", state.sticking},
+          {"boundary_crossings", state.jumps},
+          {"steps_beyond_a_radius", state.fast}};
+}
+
+void WarnOfFastGrains(const FlowState& state) {
+  if (state.fast == 0) return;
+  std::printf(
+      "  warning       in %lld of %lld steps a grain moved by more than its "
+      "radius: contacts may be missed; a smaller --dt sees them\n",
+      static_cast<long long>(state.fast),
+      static_cast<long long>(state.steps));
+}
+
+void PrintLedger(const Json& ledger) {
+  const auto get = [&](const char* key) {
+    return ledger.at(key).get<double>();
+  };
+  // What the scene does not contain is not listed.
+  std::string text;
+  for (const auto& [key, name] : {std::pair{"boundary", "boundary"},
+                                  {"impact", "impact"},
+                                  {"friction", "friction"},
+                                  {"external", "external"},
+                                  {"damping", "damping"},
+                                  {"numerical", "integrator"}}) {
+    if (get(key) != 0.0) text += Format("%s %+.4f, ", name, get(key));
+  }
+  std::printf(
+      "  ledger        J/kg: %+.4f kinetic = %spotential %+.4f\n"
+      "                closes to %.1e, momentum to %.1e\n",
+      get("kinetic_change"),
+      text.c_str(),
+      -get("potential_change"),
+      std::fabs(get("closure")),
+      get("momentum_drift"));
+}
+
+int RunOne() {
+  std::string relaxed, error;
+  const std::unique_ptr<Stepper> stepper = MakeStepper();
+  CheckRange("frames", FLAGS_frames, 2, 1000000);
+  CheckRange("checkpoint_every", FLAGS_checkpoint_every, 0, 1e15);
+  if (FLAGS_smoke && !IsGiven("duration")) FLAGS_duration = 0.1;
+  FlowCase flow = MakeCase(&relaxed);
+  const FlowScene& scene = *flow.scene;
+  FlowState& state = flow.state;
+  const int n = scene.size();
+  if (!scene.Begin(stepper->FirstStep(), &state, &error)) BadInput(error);
+  const NearField* const field = scene.near_field();
+
+  std::printf(
+      "flow      %d spheres, radius %.4g, volume fraction %.4f, "
+      "domain %s of side %g\n",
+      n,
+      scene.grains().radius[0],
+      [&] {
+        double v = 0.0;
+        for (const double b : scene.grains().radius) {
+          v += GrainVolume(3, b);
+        }
+        return v / std::pow(scene.options().domain.side, 3);
+      }(),
+      FLAGS_domain.c_str(),
+      scene.options().domain.side);
+  if (field == nullptr) {
+    std::printf("          no near field\n");
+  } else {
+    const double d = EquilibriumDistance(field->law());
+    std::printf("          near field %s per %s, %s\n",
+                FLAGS_law.c_str(),
+                WeightName(scene.options().weight),
+                d > 0.0 ? Format("two grains rest at d = %.4g", d).c_str()
+                        : "without a stable distance (2.8)");
+  }
+  std::printf("          contacts %s; stepper %s, dt <= %g\n",
+              FLAGS_contacts.c_str(),
+              FLAGS_stepper.c_str(),
+              FLAGS_dt);
+  if (!relaxed.empty()) {
+    std::printf("          overlaps relaxed: %s\n", relaxed.c_str());
+  }
+
+  const std::string start_frame = Frame(scene, state, 17);
+  std::string csv = kEnergyHeader,
+              rejections = "time,step,iterations,ratio,reason\n";
+  std::string frames;
+  int next_frame = 0;
+  Json setup = {{"start", Crc32(start_frame)},
+                {"duration", FLAGS_duration},
+                {"frames", FLAGS_frames}};
+  for (const char* flag : {"law",
+                           "alpha1",
+                           "beta1",
+                           "alpha2",
+                           "beta2",
+                           "weight",
+                           "depth",
+                           "sigma",
+                           "contacts",
+                           "restitution",
+                           "impact_duration",
+                           "mu_s",
+                           "mu_d",
+                           "stiffness",
+                           "contact_alpha",
+                           "gravity",
+                           "force",
+                           "damping",
+                           "domain",
+                           "stepper",
+                           "dt",
+                           "first_dt",
+                           "tolerance",
+                           "iterations",
+                           "sweep",
+                           "groups",
+                           "relaxation",
+                           "safety",
+                           "solver",
+                           "mie_repulsion",
+                           "mie_attraction",
+                           "morse_steepness",
+                           "morse_distance",
+                           "velocity_dependent",
+                           "velocity_scale",
+                           "least_restitution",
+                           "force_frequency"}) {
+    setup[flag] = gflags::GetCommandLineFlagInfoOrDie(flag).current_value;
+  }
+  const Checkpoint checkpoint(CheckpointPath(), setup);
+  Json written;
+  if (FLAGS_resume && Resume(checkpoint, &written)) {
+    try {
+      state = FlowStateOf(written.at("flow"));
+      written.at("energy").get_to(csv);
+      written.at("rejections").get_to(rejections);
+      written.at("trajectory").get_to(frames);
+      written.at("next_frame").get_to(next_frame);
+    } catch (const Json::exception& exception) {
+      RefuseState(checkpoint, exception);
+    }
+    std::printf("          resumed at t = %.6g\n", state.time);
+  }
+  std::fflush(stdout);
+  std::vector<std::string> names = {"summary.json",
+                                    "energy.csv",
+                                    "rejections.csv",
+                                    "start.xyz",
+                                    "final.xyz",
+                                    "trajectory.xyz",
+                                    "energy.svg",
+                                    "energy.png",
+                                    "start.svg",
+                                    "start.png"};
+  const std::vector<std::string> kept = CheckpointFiles();
+  if (!FLAGS_resume) names.insert(names.end(), kept.begin(), kept.end());
+  Output output;
+  output.Create(FLAGS_out, names, kept);
+  CatchStopSignals();
+
+  const std::int64_t every =
+      FLAGS_checkpoint_every > 0
+          ? FLAGS_checkpoint_every
+          : std::max<std::int64_t>(
+                100, static_cast<std::int64_t>(2e9 / (1.0 * n * n + 1e3 * n)));
+  const auto show = [&] {
+    while (next_frame < FLAGS_frames &&
+           state.time >= FLAGS_duration * next_frame / (FLAGS_frames - 1) *
+                             (1.0 - 1e-12)) {
+      csv += EnergyRow(scene, state);
+      frames += Frame(scene, state, 9);
+      // The next one that is not passed yet.
+      while (next_frame < FLAGS_frames &&
+             state.time >= FLAGS_duration * next_frame / (FLAGS_frames - 1) *
+                               (1.0 - 1e-12)) {
+        ++next_frame;
+      }
+    }
+  };
+  if (next_frame == 0) show();
+  bool stopped = false;
+  bool done;
+  const double cpu = CpuSeconds();
+  {
+    Progress progress;
+    done = RunFlow(
+        scene,
+        FLAGS_duration,
+        stepper.get(),
+        [&](const FlowState& now, const StepReport& report) {
+          rejections += RejectionRows(report);
+          show();
+          stopped = StopRequested();
+          if (stopped || now.steps % every == 0) {
+            std::string fault;
+            if (!checkpoint.Write({{"flow", ToJson(now)},
+                                   {"energy", csv},
+                                   {"rejections", rejections},
+                                   {"trajectory", frames},
+                                   {"next_frame", next_frame}},
+                                  &fault)) {
+              BadInput(fault);
+            }
+          }
+          if (progress.Due()) {
+            progress.Show(Format(
+                "t = %.5g of %g, step %lld of %.3g s, %lld rejected, T = %.5g "
+                "J/kg, about %.0f s left",
+                now.time,
+                FLAGS_duration,
+                static_cast<long long>(now.steps),
+                report.step,
+                static_cast<long long>(now.rejected),
+                scene.Kinetic(now.v.data()).total() / scene.total_mass(),
+                (CpuSeconds() - cpu) * (FLAGS_duration - now.time) /
+                    std::max(now.time, 1e-300)));
+          }
+          return !stopped;
+        },
+        &state,
+        &error);
+  }
+  if (stopped) {
+    std::printf(
+        "\nstopped as asked, at t = %.6g: the same command with --resume goes "
+        "on\n",
+        state.time);
+    return kNotConverged;
+  }
+  const KineticEnergy k = scene.Kinetic(state.v.data());
+  const double m = scene.total_mass();
+  Json json = {{"completed", done}};
+  if (!done) json["error"] = error;
+  json["particles"] = n;
+  json["time"] = state.time;
+  json["kinetic"] = k.total() / m;
+  json["bulk"] = k.bulk / m;
+  json["relative"] = k.relative / m;
+  json["relative_fraction"] = k.total() > 0.0 ? k.relative / k.total() : 0.0;
+  json["ledger"] = LedgerJson(scene, state);
+  json["counts"] = CountsJson(state);
+  json["seconds"] = CpuSeconds() - cpu;
+  json["domain"] = FLAGS_domain;
+  json["stepper"] = FLAGS_stepper;
+  json["law"] = field != nullptr ? FLAGS_law : "none";
+  json["contacts"] = FLAGS_contacts;
+  json["schema"] = "granopt/flow/1";
+  json["provenance"] = Provenance();
+  json["provenance"]["threads"] = FLAGS_threads;
+  output.Write("energy.csv", csv);
+  output.Write("rejections.csv", rejections);
+  output.Write("start.xyz", start_frame);
+  output.Write("final.xyz", Frame(scene, state, 17));
+  output.Write("trajectory.xyz", frames);
+  output.WriteJson("summary.json", json);
+  output.Plot({"flow_run", output.Path("energy.csv"), output.Path("energy")},
+              {"energy.svg", "energy.png"});
+  output.Plot({"flow_start", output.Path("start.xyz"), output.Path("start")},
+              {"start.svg", "start.png"});
+  if (!done) std::fprintf(stderr, "flow: %s\n", error.c_str());
+  std::printf("\nT(%.4g s) = %.4f J/kg, of which relative motion %.3f\n",
+              state.time,
+              k.total() / m,
+              k.total() > 0.0 ? k.relative / k.total() : 0.0);
+  PrintLedger(json["ledger"]);
+  std::printf(
+      "  work          %lld steps, %lld rejected (rejections.csv says why), "
+      "%lld force sweeps, %.3g s\n",
+      static_cast<long long>(state.steps),
+      static_cast<long long>(state.rejected),
+      static_cast<long long>(state.sweeps),
+      json["seconds"].get<double>());
+  std::printf(
+      "  contacts      %lld impulses, %lld of them sticking; %lld "
+      "crossings of the boundary\n",
+      static_cast<long long>(state.impulses),
+      static_cast<long long>(state.sticking),
+      static_cast<long long>(state.jumps));
+  WarnOfFastGrains(state);
+  output.PrintFiles();
+  return done ? kConverged : kNotConverged;
+}
+
+// ---------------------------------------------------------------- the paper
+
+// The variants of --paper: the paper's rule at its boundary with constant e and
+// with e of (5.13), and nearest images.
+struct Variant {
+  const char* name;
+  const char* title;
+  Domain::Kind domain;
+  bool velocity_dependent;
+};
+constexpr Variant kVariants[] = {
+    {"constant_e", "x -> -x, e = 0.5", Domain::Kind::REENTRY, false},
+    {"velocity_dependent_e",
+     "x -> -x, e of (5.13)",
+     Domain::Kind::REENTRY,
+     true},
+    {"nearest_image",
+     "nearest image, e = 0.5",
+     Domain::Kind::NEAREST_IMAGE,
+     false}};
+constexpr int kNumVariants = 3;
+constexpr int kGrid = 101;  // times in energy.csv
+
+// What a run leaves: numbers for the tables and energies on the grid of times.
+struct PaperRun {
+  double T0, T1, fraction0, fraction1;
+  double boundary, impact, friction, numerical, potential, closure, drift;
+  double steps, rejected, sweeps, impulses, jumps;
+  std::vector<double> bulk, relative, wrap;  // kGrid each
+};
+
+constexpr const char* kRunNumbers[] = {"T0",
+                                       "T1",
+                                       "relative_fraction0",
+                                       "relative_fraction1",
+                                       "boundary",
+                                       "impact",
+                                       "friction",
+                                       "numerical",
+                                       "potential_change",
+                                       "closure",
+                                       "momentum_drift",
+                                       "steps",
+                                       "rejected_steps",
+                                       "force_sweeps",
+                                       "impulses",
+                                       "boundary_crossings"};
+
+std::vector<double> Numbers(const PaperRun& r) {
+  return {r.T0,
+          r.T1,
+          r.fraction0,
+          r.fraction1,
+          r.boundary,
+          r.impact,
+          r.friction,
+          r.numerical,
+          r.potential,
+          r.closure,
+          r.drift,
+          r.steps,
+          r.rejected,
+          r.sweeps,
+          r.impulses,
+          r.jumps};
+}
+
+// Figures from the independent evaluation of the same reading; NaN: none.
+struct Published {
+  double T1, T1_deviation, fraction1, fraction1_deviation;
+};
+constexpr Published kIndependent[] = {{0.592, 0.008, 0.138, 0.012},
+                                      {0.774, 0.024, 0.341, 0.021},
+                                      {1.069, 0.030, 0.523, 0.013},
+                                      {1.395, 0.058, 0.634, 0.015}};
+
+PaperRun RunPaperCase(const Variant& variant,
+                      const Strength& strength,
+                      std::uint64_t seed,
+                      int particles,
+                      double duration,
+                      std::string* trajectory,
+                      std::string* start) {
+  FlowCase flow = MakePaperCase(
+      strength, seed, variant.domain, variant.velocity_dependent, particles);
+  const FlowScene& scene = *flow.scene;
+  FlowState& state = flow.state;
+  const std::unique_ptr<Stepper> stepper =
+      CreateImplicitStepper(MakeStepperOptions());
+  state.step = stepper->FirstStep();
+  const double m = scene.total_mass();
+  PaperRun run;
+  const KineticEnergy k0 = scene.Kinetic(state.v.data());
+  run.T0 = k0.total() / m;
+  run.fraction0 = k0.relative / k0.total();
+  if (start != nullptr) *start = Frame(scene, state, 17);
+  if (trajectory != nullptr) *trajectory = Frame(scene, state, 9);
+  double before = 0.0, bulk = k0.bulk / m, relative = k0.relative / m,
+         wrap = 0.0;
+  run.bulk = {bulk};
+  run.relative = {relative};
+  run.wrap = {0.0};
+  std::string error;
+  const bool done = RunFlow(
+      scene,
+      duration,
+      stepper.get(),
+      [&](const FlowState& now, const StepReport&) {
+        const KineticEnergy k = scene.Kinetic(now.v.data());
+        const double next[3] = {
+            k.bulk / m, k.relative / m, now.energy.boundary / m};
+        bool is_frame = false;
+        while (static_cast<int>(run.bulk.size()) < kGrid) {
+          const double t = duration * run.bulk.size() / (kGrid - 1);
+          if (t > now.time * (1.0 + 1e-12)) break;
+          const double s = (t - before) / (now.time - before);
+          run.bulk.push_back(bulk + s * (next[0] - bulk));
+          run.relative.push_back(relative + s * (next[1] - relative));
+          run.wrap.push_back(wrap + s * (next[2] - wrap));
+          is_frame = true;
+        }
+        if (is_frame && trajectory != nullptr) {
+          *trajectory += Frame(scene, now, 9);
+        }
+        before = now.time;
+        bulk = next[0];
+        relative = next[1];
+        wrap = next[2];
+        return true;
+      },
+      &state,
+      &error);
+  if (!done) {
+    BadInput(Format("alpha1 = %g, seed %llu: ",
+                    strength.alpha1,
+                    static_cast<unsigned long long>(seed)) +
+             error);
+  }
+  const KineticEnergy k = scene.Kinetic(state.v.data());
+  run.T1 = k.total() / m;
+  run.fraction1 = k.relative / k.total();
+  const Json ledger = LedgerJson(scene, state);
+  run.boundary = ledger["boundary"];
+  run.impact = ledger["impact"];
+  run.friction = ledger["friction"];
+  run.numerical = ledger["numerical"];
+  run.potential = ledger["potential_change"];
+  run.closure = ledger["closure"];
+  run.drift = ledger["momentum_drift"];
+  run.steps = state.steps;
+  run.rejected = state.rejected;
+  run.sweeps = state.sweeps;
+  run.impulses = state.impulses;
+  run.jumps = state.jumps;
+  return run;
+}
+
+Json RunJson(const PaperRun& r) {
+  return {{"numbers", Numbers(r)},
+          {"bulk", r.bulk},
+          {"relative", r.relative},
+          {"wrap", r.wrap}};
+}
+PaperRun RunOf(const Json& json) {
+  PaperRun r;
+  const std::vector<double> v = json.at("numbers").get<std::vector<double>>();
+  if (v.size() != Numbers({}).size()) {
+    throw Json::other_error::create(501, "another number of columns", &json);
+  }
+  double* const to[] = {&r.T0,
+                        &r.T1,
+                        &r.fraction0,
+                        &r.fraction1,
+                        &r.boundary,
+                        &r.impact,
+                        &r.friction,
+                        &r.numerical,
+                        &r.potential,
+                        &r.closure,
+                        &r.drift,
+                        &r.steps,
+                        &r.rejected,
+                        &r.sweeps,
+                        &r.impulses,
+                        &r.jumps};
+  for (std::size_t k = 0; k < v.size(); ++k) *to[k] = v[k];
+  json.at("bulk").get_to(r.bulk);
+  json.at("relative").get_to(r.relative);
+  json.at("wrap").get_to(r.wrap);
+  return r;
+}
+
+int RunPaper() {
+  for (const char* flag :
+       {"alpha1",       "alpha2",       "beta1",       "beta2",
+        "law",          "contacts",     "restitution", "mu_s",
+        "mu_d",         "domain",       "input",       "stepper",
+        "gravity",      "force",        "damping",     "velocity_dependent",
+        "side",         "length_ratio", "density",     "mean_velocity",
+        "perturbation", "weight"}) {
+    if (IsGiven(flag)) {
+      BadInput(std::string("--") + flag +
+               " cannot go with --paper, which sets "
+               "the parameters of sec. 7.1");
+    }
+  }
+  CheckRange("seeds", FLAGS_seeds, 1, 100000);
+  CheckRange("particles", FLAGS_particles, 1, 100000);
+  if (FLAGS_smoke) {
+    if (!IsGiven("seeds")) FLAGS_seeds = 2;
+    if (!IsGiven("particles")) FLAGS_particles = 30;
+  }
+  MakeStepperOptions();
+  const int seeds = FLAGS_seeds;
+  std::printf(
+      "flow      Figs 4-6: %d spheres, L = 0.25, e = 0.5, mu_s = 0.2, mu_d = "
+      "0.1, beta = 1, 2, four strengths, %d starts each\n"
+      "          implicit steps of at most %g s, TOL = %g; x -> -x at the "
+      "boundary without images, and nearest images to compare\n"
+      "          the paper leaves open: the rule for images, v* = 1 and e- = "
+      "0.1 of (5.13), several contacts at once: see README\n",
+      FLAGS_particles,
+      seeds,
+      FLAGS_dt,
+      FLAGS_tolerance);
+  const Checkpoint checkpoint(CheckpointPath(),
+                              {{"particles", FLAGS_particles},
+                               {"seeds", seeds},
+                               {"seed", FLAGS_seed},
+                               {"dt", FLAGS_dt},
+                               {"first_dt", FLAGS_first_dt},
+                               {"tolerance", FLAGS_tolerance},
+                               {"iterations", FLAGS_iterations},
+                               {"sweep", FLAGS_sweep},
+                               {"safety", FLAGS_safety},
+                               {"relaxation", FLAGS_relaxation},
+                               {"duration", FLAGS_duration}});
+  Json done = Json::array();
+  std::vector<std::string> trajectories;
+  Json written;
+  std::vector<PaperRun> runs;
+  if (FLAGS_resume && Resume(checkpoint, &written)) {
+    try {
+      done = written.at("runs");
+      written.at("trajectories").get_to(trajectories);
+      for (const Json& json : done) runs.push_back(RunOf(json));
+    } catch (const Json::exception& exception) {
+      RefuseState(checkpoint, exception);
+    }
+    std::printf("          resumed after run %zu\n", runs.size());
+  }
+  std::fflush(stdout);
+  std::vector<std::string> names = {
+      "summary.json", "runs.csv", "energy.csv", "start.xyz"};
+  for (int c = 1; c <= 4; ++c) {
+    names.push_back(Format("trajectory_%d.xyz", c));
+  }
+  for (const char* figure : {"start", "fractions", "energy", "boundary"}) {
+    names.push_back(std::string(figure) + ".svg");
+    names.push_back(std::string(figure) + ".png");
+  }
+  const std::vector<std::string> kept = CheckpointFiles();
+  if (!FLAGS_resume) names.insert(names.end(), kept.begin(), kept.end());
+  Output output;
+  output.Create(FLAGS_out, names, kept);
+  CatchStopSignals();
+  const std::size_t total = 4u * seeds * kNumVariants;
+  const double cpu = CpuSeconds();
+  const std::size_t before = runs.size();
+  std::string start;
+  {
+    Progress progress;
+    for (std::size_t r = runs.size(); r < total; ++r) {
+      const int variant = static_cast<int>(r / (4 * seeds));
+      const int number = static_cast<int>(r / seeds % 4);
+      const int seed = static_cast<int>(r % seeds);
+      const bool is_first = variant == 0 && seed == 0;
+      std::string trajectory;
+      runs.push_back(RunPaperCase(kVariants[variant],
+                                  kPaperStrengths[number],
+                                  FLAGS_seed + seed,
+                                  FLAGS_particles,
+                                  FLAGS_duration,
+                                  is_first ? &trajectory : nullptr,
+                                  nullptr));
+      done.push_back(RunJson(runs.back()));
+      if (is_first) trajectories.push_back(std::move(trajectory));
+      if (progress.Due()) {
+        progress.Show(Format(
+            "run %zu of %zu: %s, strength %d, seed %llu; about %.0f s left",
+            r + 1,
+            total,
+            kVariants[variant].title,
+            number + 1,
+            static_cast<unsigned long long>(FLAGS_seed + seed),
+            (CpuSeconds() - cpu) * (total - r - 1) / (r + 1 - before)));
+      }
+      const bool stop = StopRequested();
+      if (stop || (r + 1) % 20 == 0) {
+        std::string fault;
+        if (!checkpoint.Write({{"runs", done}, {"trajectories", trajectories}},
+                              &fault)) {
+          BadInput(fault);
+        }
+      }
+      if (stop && r + 1 < total) {
+        std::printf(
+            "\nstopped as asked, after run %zu of %zu: the same "
+            "command with --resume goes on\n",
+            r + 1,
+            total);
+        return kNotConverged;
+      }
+    }
+  }
+  {
+    FlowCase flow = MakePaperCase(kPaperStrengths[0],
+                                  FLAGS_seed,
+                                  Domain::Kind::REENTRY,
+                                  false,
+                                  FLAGS_particles);
+    start = Frame(*flow.scene, flow.state, 17);
+  }
+
+  // Tables.
+  std::string runs_csv = "variant,strength,alpha1,alpha2,seed";
+  for (const char* name : kRunNumbers) runs_csv += std::string(",") + name;
+  runs_csv += "\n";
+  std::string energy_csv =
+      "variant,strength,time,kinetic,kinetic_deviation,relative_fraction,"
+      "relative_fraction_deviation,boundary,boundary_deviation,first_kinetic,"
+      "first_relative_fraction\n";
+  Json json;
+  Json variants = Json::object();
+  for (int v = 0; v < kNumVariants; ++v) {
+    Json table = Json::array();
+    for (int c = 0; c < 4; ++c) {
+      const PaperRun* const first = runs.data() + (v * 4 + c) * seeds;
+      std::vector<std::vector<double>> columns(Numbers({}).size());
+      for (int s = 0; s < seeds; ++s) {
+        const std::vector<double> numbers = Numbers(first[s]);
+        runs_csv += Format("%s,%d,%g,%g,%llu",
+                           kVariants[v].name,
+                           c + 1,
+                           kPaperStrengths[c].alpha1,
+                           kPaperStrengths[c].alpha2,
+                           static_cast<unsigned long long>(FLAGS_seed + s));
+        for (std::size_t k = 0; k < numbers.size(); ++k) {
+          columns[k].push_back(numbers[k]);
+          runs_csv += Format(",%.17g", numbers[k]);
+        }
+        runs_csv += "\n";
+      }
+      Json row = {{"alpha1", kPaperStrengths[c].alpha1},
+                  {"alpha2", kPaperStrengths[c].alpha2}};
+      for (std::size_t k = 0; k < columns.size(); ++k) {
+        const MeanSpread m = Statistics(columns[k]);
+        row[kRunNumbers[k]] = m.mean;
+        row[std::string(kRunNumbers[k]) + "_sd"] = m.deviation;
+      }
+      table.push_back(row);
+      for (int t = 0; t < kGrid; ++t) {
+        std::vector<double> kinetic, fraction, wrap;
+        for (int s = 0; s < seeds; ++s) {
+          const PaperRun& r = first[s];
+          if (t >= static_cast<int>(r.bulk.size())) continue;
+          kinetic.push_back(r.bulk[t] + r.relative[t]);
+          fraction.push_back(r.relative[t] / (r.bulk[t] + r.relative[t]));
+          wrap.push_back(r.wrap[t]);
+        }
+        if (kinetic.empty()) continue;
+        const MeanSpread k = Statistics(kinetic), f = Statistics(fraction),
+                         w = Statistics(wrap);
+        energy_csv += Format(
+            "%s,%d,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,"
+            "%.17g,%.17g\n",
+            kVariants[v].name,
+            c + 1,
+            FLAGS_duration * t / (kGrid - 1),
+            k.mean,
+            k.deviation,
+            f.mean,
+            f.deviation,
+            w.mean,
+            w.deviation,
+            kinetic[0],
+            fraction[0]);
+      }
+    }
+    variants[kVariants[v].name] = table;
+  }
+  json["strengths"] = variants[kVariants[0].name];
+  json["variants"] = variants;
+  json["particles"] = FLAGS_particles;
+  json["seeds"] = seeds;
+  json["duration"] = FLAGS_duration;
+  json["dt"] = FLAGS_dt;
+  json["tolerance"] = FLAGS_tolerance;
+  json["seconds"] = CpuSeconds() - cpu;
+  json["schema"] = "granopt/flow_paper/1";
+  json["provenance"] = Provenance();
+  output.Write("runs.csv", runs_csv);
+  output.Write("energy.csv", energy_csv);
+  output.Write("start.xyz", start);
+  for (std::size_t c = 0; c < trajectories.size(); ++c) {
+    output.Write(Format("trajectory_%zu.xyz", c + 1), trajectories[c]);
+  }
+  output.WriteJson("summary.json", json);
+  output.Plot({"flow_start", output.Path("start.xyz"), output.Path("start")},
+              {"start.svg", "start.png"});
+  for (const char* figure : {"fractions", "energy", "boundary"}) {
+    output.Plot({std::string("flow_") + figure,
+                 output.Path("energy.csv"),
+                 output.Path(figure)},
+                {std::string(figure) + ".svg", std::string(figure) + ".png"});
+  }
+
+  std::printf(
+      "\n  kinetic energy per mass (J/kg) and the part of relative motion, "
+      "mean "
+      "+- deviation of one start;\n  'before' is an independent program with "
+      "the same reading, 20 starts\n");
+  for (int v = 0; v < kNumVariants; ++v) {
+    std::printf(
+        "\n  %s\n    alpha1 alpha2   T(0)            T(%g)            "
+        "relative part      boundary  contacts  potential  integrator%s\n",
+        kVariants[v].title,
+        FLAGS_duration,
+        v == 0 ? "   before: T(1), relative" : "");
+    for (int c = 0; c < 4; ++c) {
+      const Json& row = variants[kVariants[v].name][c];
+      const auto get = [&](const char* key) { return row[key].get<double>(); };
+      std::printf(
+          "    %-6g %-6g   %.3f +- %.3f  %.3f +- %.3f  %.3f +- %.3f  "
+          "   %+.3f    %+.3f    %+.3f     %+.3f",
+          kPaperStrengths[c].alpha1,
+          kPaperStrengths[c].alpha2,
+          get("T0"),
+          get("T0_sd"),
+          get("T1"),
+          get("T1_sd"),
+          get("relative_fraction1"),
+          get("relative_fraction1_sd"),
+          get("boundary"),
+          get("impact") + get("friction"),
+          -get("potential_change"),
+          get("numerical"));
+      if (v == 0) {
+        std::printf(
+            "     %.3f, %.3f", kIndependent[c].T1, kIndependent[c].fraction1);
+      }
+      std::printf("\n");
+    }
+  }
+  std::printf("\n  the start has relative part %.3f; %.3g s\n",
+              json["strengths"][0]["relative_fraction0"].get<double>(),
+              json["seconds"].get<double>());
+  output.PrintFiles();
+  return kConverged;
+}
+
+int Main() {
+  if (FLAGS_list_solvers) {
+    std::fputs(SolverTable().c_str(), stdout);
+    return kConverged;
+  }
+  if (FLAGS_threads < 1 || FLAGS_threads > 1024) {
+    BadInput(Format("--threads=%d must be in [1, 1024]", FLAGS_threads));
+  }
+  if (!SetNumThreads(FLAGS_threads)) {
+    BadInput(Format("--threads=%d: built without OpenMP", FLAGS_threads));
+  }
+  if (!FLAGS_study.empty()) {
+    if (FLAGS_paper) BadInput("--study and --paper exclude each other");
+    if (FLAGS_resume) BadInput("--study has no --resume: studies take minutes");
+    if (!IsStudy(FLAGS_study)) {
+      BadInput("--study=" + FLAGS_study +
+               " must be work_precision, remark8, oscillator or throughput");
+    }
+    CheckRange("seeds", FLAGS_seeds, 1, 100000);
+    Output output;
+    std::vector<std::string> names = StudyFiles(FLAGS_study);
+    names.push_back("summary.json");
+    output.Create(FLAGS_out, names);
+    return RunStudy(FLAGS_study, &output);
+  }
+  return FLAGS_paper ? RunPaper() : RunOne();
+}
+
+}  // namespace
+}  // namespace granopt
+
+int main(int argc, char** argv) {
+  granopt::ParseFlags(&argc,
+                      &argv,
+                      "near-field granular flow: charged grains that collide "
+                      "and rub (--paper: Figs 4-6 of Zohdi 2005)");
+  return granopt::Main();
+}

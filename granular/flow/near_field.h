@@ -1,0 +1,90 @@
+// granopt: the attraction and repulsion of charged grains.
+
+#ifndef GRANOPT_GRANULAR_FLOW_NEAR_FIELD_H_
+#define GRANOPT_GRANULAR_FLOW_NEAR_FIELD_H_
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "granular/flow/near_field_law.h"
+#include "granular/flow/near_field_loops.h"
+
+namespace granopt {
+
+// V, f / d and f' of a pair at unit weights.
+struct RadialValues {
+  double potential = 0.0;
+  double force_over_distance = 0.0;
+  double stiffness = 0.0;
+};
+RadialValues EvaluateLaw(const RadialLaw& law, double distance);
+
+// True if V(d) has one stable equilibrium: beta2 > beta1 (2.8), a Morse well.
+bool IsStable(const RadialLaw& law);
+// d_e = (alpha2 / alpha1)^(1 / (beta2 - beta1))  (2.7); the Morse distance; 0
+// where there is none.
+double EquilibriumDistance(const RadialLaw& law);
+
+struct NearFieldOptions {
+  RadialLaw law;
+};
+
+// Psi_i = sum_{j != i} w_i w_j f(d_ij) n_ij  (2.2), with weights w the masses
+// (alpha_ij = alpha m_i m_j, sec. 7.1), surface areas (footnote 14) or 1.
+//
+// Coordinates and forces are in the layout of near_field_loops.h, SI units or
+// any other consistent ones. Forces are pure functions of the positions and the
+// same bits on any number of threads and for every instruction set. Each pair
+// is visited once: n^2 / 2 pairs. Grains at one have no direction:
+// LastLeastDistance() is then 0 and forces are not finite.
+//
+// Not here: three-body terms of (9.1).
+class NearField {
+ public:
+  // `weights` has FlowStride(n) entries; `period`: side of a periodic cube for
+  // nearest images, 0 for none. Null, with one line in `error`, for numbers
+  // that are not finite.
+  static std::unique_ptr<NearField> Create(const NearFieldOptions& options,
+                                           int n,
+                                           std::vector<double> weights,
+                                           double period,
+                                           std::string* error);
+
+  // Writes forces (3 FlowStride(n) entries); `energy` (may be null) is
+  // sum_{i<j} w_i w_j V(d).
+  void Forces(const double* x, double* force, double* energy) const;
+  // Of all other grains on grain i if it were at `at`.
+  void ForceOn(int i,
+               const double* x,
+               const double* at,
+               double* force,
+               double* energy) const;
+
+  // The least distance of two grains in the last Forces().
+  double LastLeastDistance() const { return least_distance_; }
+
+  const NearFieldOptions& options() const { return options_; }
+  const RadialLaw& law() const { return options_.law; }
+  const std::vector<double>& weights() const { return weights_; }
+  double period() const { return period_; }
+
+ private:
+  NearField() = default;
+  NearFieldView View(const double* x) const;
+
+  NearFieldOptions options_;
+  int n_ = 0;
+  int stride_ = 0;
+  std::vector<double> weights_;
+  double period_ = 0.0;
+  NearFieldLoops loops_;
+  // Rows of each piece of the work, and a buffer of forces for all but one.
+  std::vector<int> piece_start_;
+  mutable std::vector<double> buffers_;
+  mutable double least_distance_ = 0.0;
+};
+
+}  // namespace granopt
+
+#endif  // GRANOPT_GRANULAR_FLOW_NEAR_FIELD_H_

@@ -1,0 +1,131 @@
+#include <cmath>
+#include <vector>
+
+#include "granular/flow/stepper.h"
+#include "solvers/format.h"
+
+namespace granopt {
+namespace {
+
+class VerletStepper : public Stepper {
+ public:
+  explicit VerletStepper(const StepperOptions& options) : options_(options) {}
+
+  double FirstStep() const override { return options_.step; }
+
+  bool Step(const FlowScene& scene,
+            double limit,
+            FlowState* state,
+            StepReport* report,
+            std::string* error) override {
+    const int n = scene.size(), stride = scene.stride();
+    const std::size_t size = 3 * static_cast<std::size_t>(stride);
+    const std::vector<double>& w = scene.inverse_mass();
+    const double dt = std::min(options_.step, limit);
+    const double damping = scene.options().damping;
+    const auto& impact = scene.options().impact;
+
+    // Forces at the start are those at the end of the last step, unless a grain
+    // jumped, or the state is another one.
+    if (state->x != evaluated_x_ || state->time != evaluated_time_) {
+      scene.Forces(state->x.data(), state->time, false, &before_);
+      ++state->sweeps;
+    }
+    u_ = state->v;
+    ImpactWork work;
+    if (impact) {
+      scene.FindContacts(state->x.data(), &pairs_);
+      if (!pairs_.empty()) {
+        FreezeImpacts(pairs_, *impact, stride, state->v.data(), &impacts_);
+        work = ApplyImpacts(impacts_,
+                            *impact,
+                            dt,
+                            stride,
+                            w.data(),
+                            before_.total.data(),
+                            u_.data());
+      }
+    }
+    half_.assign(size, 0.0);
+    x_ = state->x;
+    bool is_finite = true;
+    for (int k = 0; k < 3; ++k) {
+      for (int i = 0; i < n; ++i) {
+        const int e = k * stride + i;
+        if (w[i] == 0.0) continue;
+        half_[e] =
+            u_[e] + 0.5 * dt * (before_.total[e] * w[i] - damping * u_[e]);
+        x_[e] += dt * half_[e];
+        is_finite = is_finite && std::isfinite(x_[e]);
+      }
+    }
+    if (is_finite) scene.Forces(x_.data(), state->time + dt, false, &after_);
+    ++state->sweeps;
+    v_.assign(size, 0.0);
+    for (int k = 0; k < 3 && is_finite; ++k) {
+      for (int i = 0; i < n; ++i) {
+        const int e = k * stride + i;
+        if (w[i] == 0.0) continue;
+        v_[e] = (half_[e] + 0.5 * dt * after_.total[e] * w[i]) /
+                (1.0 + 0.5 * dt * damping);
+        is_finite = is_finite && std::isfinite(v_[e]);
+      }
+    }
+    if (!is_finite) {
+      evaluated_x_.clear();
+      double ratio;
+      const std::string closest =
+          scene.DescribeClosest(state->x.data(), &ratio);
+      *error = Format(
+          "collapse: forces are not finite after t = %.9g with "
+          "Dt = %.3g; %s",
+          state->time,
+          dt,
+          closest.c_str());
+      return false;
+    }
+    scene.Book(before_, 0.5 * dt, u_.data(), v_.data(), state);
+    scene.Book(after_, 0.5 * dt, u_.data(), v_.data(), state);
+    scene.BookDamping(u_.data(), 0.5 * dt, u_.data(), v_.data(), state);
+    scene.BookDamping(v_.data(), 0.5 * dt, u_.data(), v_.data(), state);
+    state->energy.impact += work.normal;
+    state->energy.friction += work.friction;
+    state->impulses += work.impulses;
+    state->sticking += work.sticking;
+    state->worst_balance =
+        std::max(state->worst_balance, scene.Balance(after_));
+    state->fast += scene.LargestMove(v_.data(), dt) > 1.0 ? 1 : 0;
+    end_x_ = x_;
+    state->x.swap(x_);
+    state->v.swap(v_);
+    state->time += dt;
+    state->step = options_.step;
+    ++state->steps;
+    scene.ApplyBoundary(state);
+    // The forces at the end serve the next step, which sees by the positions if
+    // a grain jumped since.
+    std::swap(before_, after_);
+    evaluated_x_.swap(end_x_);
+    evaluated_time_ = state->time;
+    report->step = dt;
+    report->iterations = 1;
+    return !scene.HasCollapsed(state->x.data(), state->time, error);
+  }
+
+ private:
+  const StepperOptions options_;
+  std::vector<double> x_, u_, v_, half_;
+  SmoothForces before_, after_;
+  std::vector<double> evaluated_x_, end_x_;  // where before_ was evaluated
+  double evaluated_time_ = -1.0;
+  std::vector<ClosePair> pairs_;
+  std::vector<Impact> impacts_;
+};
+
+}  // namespace
+
+std::unique_ptr<Stepper> CreateVerletStepper(const StepperOptions& options) {
+  return std::make_unique<VerletStepper>(options);
+}
+
+}  // namespace granopt
