@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "granular/jamming.h"
+#include "granular/quasistatic_shear.h"
 #include "granular/relaxation.h"
 #include "nlohmann/json.hpp"
 
@@ -70,6 +71,10 @@ JammingState JammingStateOf(const Json& json);
 // A relaxation between two legs, exactly; the same.
 Json ToJson(const RelaxationState& state);
 RelaxationState RelaxationStateOf(const Json& json);
+
+// A quasistatic deformation between two steps, exactly; the same.
+Json ToJson(const QuasistaticShearState& state);
+QuasistaticShearState ShearStateOf(const Json& json);
 
 // From now on SIGINT and SIGTERM are noticed instead of ending the process;
 // the second one ends it.
