@@ -32,6 +32,13 @@
         mean phi_J against the number of grains, and PHI - C N^-EXPONENT
     plot.py scaling SCALING.csv OUT
         what a grain costs against the number of grains (experiments/scaling.sh)
+    plot.py shear CURVES.csv|BANDS.csv OUT [--mode=pure|simple|bulk]
+        of `shear`: stress and fabric against strain, a line an increment; of several
+        seeds the mean with its 20 and 80 % quantiles
+    plot.py event DIR OUT
+        of `shear --events`: the largest plastic event
+    plot.py events EVENTS.csv OUT
+        of `shear --events`: sizes of plastic events
     plot.py distributions FORCES.csv GAPS.csv DISTRIBUTIONS.csv OUT
         cumulative distributions of weak forces and small gaps
 
@@ -2397,6 +2404,238 @@ def DistributionsFigure(arguments):
 # ---------------------------------------------------------------- output
 
 
+# ---------------------------------------------------------------- shear
+
+
+SHEAR_QUANTITIES = (
+    ("stress_iso", r"isotropic stress  $\sigma_{\mathrm{iso}}$"),
+    ("fabric_iso", r"isotropic fabric  $F_{\mathrm{iso}}$"),
+    ("stress_dev", r"deviatoric stress  $\sigma_{\mathrm{dev}}$"),
+    ("fabric_dev", r"deviatoric fabric  $F_{\mathrm{dev}}$"))
+STRAIN_LABELS = {
+    "pure": r"pure shear strain  $\gamma$ / %",
+    "simple": r"shear strain  $\gamma$ / %",
+    "bulk": r"volume strain  $V / V_0 - 1$ / %"}
+FIG8_HELP = (
+    "Half the sum and half the difference of the extreme eigenvalues of stress (10) and "
+    "fabric (2), as in Fig. 8 of Wang and Zhang; one line for each increment of strain.",
+    "Where the lines are one, the increment does not matter; after a rearrangement that "
+    "one of them takes differently they are curves of different packings.")
+BAND_HELP = ("Lines are means over the packings, bands reach from the 20 to the 80 % "
+             "quantile.",)
+
+
+def IncrementColours(increments):
+  order = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, INK, GREY)
+  finest_first = sorted(set(increments))
+  return {value: order[k % len(order)] for k, value in enumerate(finest_first)}
+
+
+def TimesTen(values):
+  """A power of ten to divide by, and how it is written on an axis."""
+  most = np.nanmax(np.abs(values)) if len(values) else 0.0
+  exponent = math.floor(math.log10(most)) if most > 0 else 0
+  if abs(exponent) <= 1:
+    return 1.0, ""
+  return 10.0**exponent, r" / $10^{%d}$" % exponent
+
+
+def StrainFigure(arguments):
+  path = arguments.table
+  names = [name for name, _ in SHEAR_QUANTITIES]
+  lines = ReadText(path).splitlines()
+  bands = bool(lines) and "stress_iso_low" in lines[0]
+  required = ["increment", "step", "strain", *names]
+  if bands:
+    required += ["curves"] + [name + end for name in names for end in ("_low", "_high")]
+  table = ReadTable(path, required)
+  if not len(table["strain"]):
+    raise InputError("%s: no rows" % path)
+  # A curve begins at its step 0.
+  starts = np.nonzero(table["step"] == 0)[0].tolist() or [0]
+  pieces = [slice(a, b) for a, b in zip(starts, starts[1:] + [len(table["step"])])]
+  colours = IncrementColours(table["increment"])
+  height = 7.4
+  figure, axes = plt.subplots(
+      2, 2, sharex=True, figsize=(10.6, height),
+      gridspec_kw=dict(left=0.09, right=0.98, top=1 - 0.62 / height,
+                       bottom=0.68 / height, wspace=0.24, hspace=0.09))
+  count = len(pieces)
+  for ax, (name, label) in zip(axes.flat, SHEAR_QUANTITIES):
+    unit, power = TimesTen(table[name])
+    for k, piece in enumerate(pieces):
+      colour = colours[table["increment"][piece][0]]
+      strain = 100 * table["strain"][piece]
+      # The finest, last, is wide and below; coarser ones dashed on top.
+      finest = k == count - 1
+      style = dict(linestyle="-" if finest else ((0, (6, 2)) if k % 2 else (0, (2, 1.5))),
+                   linewidth=2.4 if finest and count > 1 else 1.6)
+      ax.plot(strain, table[name][piece] / unit, color=colour, zorder=3 + (not finest),
+              **style)
+      if bands and finest:
+        ax.fill_between(strain, table[name + "_low"][piece] / unit,
+                        table[name + "_high"][piece] / unit, color=colour, alpha=0.16,
+                        linewidth=0, zorder=2)
+    ax.set_ylabel(label + power)
+    ax.margins(x=0.01)
+    ax.yaxis.set_major_locator(ticker.MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+  for ax in axes[1]:
+    ax.set_xlabel(STRAIN_LABELS[arguments.mode])
+    ax.xaxis.set_major_locator(ticker.MaxNLocator(6, steps=[1, 2, 5, 10]))
+  FinishPanels(axes)
+  figure.align_ylabels(axes[:, 0])
+  figure.align_ylabels(axes[:, 1])
+  handles = []
+  for k, piece in enumerate(pieces):
+    value = table["increment"][piece][0]
+    finest = k == count - 1
+    handles.append(Line2D(
+        [], [], color=colours[value], linewidth=2.4,
+        linestyle="-" if finest else ((0, (6, 2)) if k % 2 else (0, (2, 1.5))),
+        label=r"$\delta\gamma = %s$" % Scientific(value)))
+  figure.legend(handles=handles, loc="upper center", ncol=min(5, len(handles)),
+                bbox_to_anchor=(0.535, 1.0), fontsize=13, handlelength=2.6,
+                borderaxespad=0.35)
+  if bands:
+    Help(figure, *BAND_HELP[:1], "%d packings." % int(table["curves"].max()), *FIG8_HELP)
+  else:
+    Help(figure, *FIG8_HELP)
+  return figure
+
+
+EVENT_HELP = (
+    "Left, what the grains do at fixed strain as the packing gives way. Right, from "
+    "above: the lowest eigenvalue of the Hessian on the branch against the strain that "
+    "is left (Hertz: the square root of a saddle-node; Hooke: the Hessian jumps as a "
+    "contact opens, and so does the eigenvalue); the energy on the straight way from "
+    "before to after; the angular harmonics of the radial displacement around the grain "
+    "that moves most, by distance from it: an elastic inclusion is m = 2.")
+
+
+def EventFigure(arguments):
+  folder = arguments.folder + "/"
+  packing = ReadPacking(folder + "event.xyz")
+  contacts = ReadContacts(folder + "event_contacts.csv", packing)
+  vectors = ReadVectors(folder + "event.xyz", "displacement", packing)
+  branch = ReadTable(folder + "event_branch.csv", ("strain_left", "lowest_eigenvalue"))
+  way = ReadTable(folder + "event_landscape.csv", ("t", "above_the_end"))
+  harmonics = ReadTable(folder + "event_harmonics.csv",
+                        ("inner", "outer", "m", "amplitude"))
+  side, foot = 6.4, 0.5
+  height, foot = Space(packing, side)
+  total_width, head = 12.4, 0.45
+  total = max(foot + height + head, 6.6)
+  figure = plt.figure(figsize=(total_width, total + 0.75))
+  lift = 0.75
+  view = View(figure, packing, 0.1, lift + foot, side, height)
+  if view.d == 2:
+    DrawFlat(view, contacts._replace(force=0 * contacts.force),
+             lambda: [DrawArrows(view, vectors)])
+  else:
+    DrawProjection(view, contacts._replace(force=0 * contacts.force))
+    DrawArrows(view, vectors)
+  Label(figure, 0.1 + side / 2, lift + foot + height + 0.2,
+        "     ".join(Describe(packing, contacts)), side, ha="center", fontsize=12)
+  Key(figure, view, contacts._replace(force=0 * contacts.force), lift + foot / 2)
+  # Key() centres on the figure; under the packing it belongs.
+  box = figure.artists[-1]
+  box.set_bbox_to_anchor(((0.1 + side / 2) / total_width,
+                          (lift + foot / 2) / (total + 0.75)), figure.transFigure)
+  left, right = 7.75 / total_width, 0.985
+  third = (total - 0.9) / 3
+  def Panel(k):
+    bottom = lift + 0.55 + (2 - k) * (third + 0.16)
+    return figure.add_axes([left, bottom / (total + 0.75), right - left,
+                            (third - 0.42) / (total + 0.75)])
+  ax = Panel(0)
+  x, y = branch["strain_left"], branch["lowest_eigenvalue"]
+  good = (x > 0) & (y > 0)
+  if good.any():
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.plot(x[good], y[good], "o-", color=BLUE, markersize=5)
+    low, high = Span(x[good])
+    Decades(ax.xaxis, low, high)
+    low, high = Span(y[good])
+    ax.set_ylim(10**low, 10**high)
+    Decades(ax.yaxis, low, high)
+    if good.sum() > 3:
+      end = x[good][-3], y[good][-3]
+      line = np.geomspace(x[good].min(), x[good].max(), 2)
+      ax.plot(line, end[1] * (line / end[0])**0.5, color=GREY, linestyle=(0, (5, 3)),
+              linewidth=1.2, scalex=False, scaley=False)
+  ax.set_xlabel("strain left", fontsize=12)
+  ax.set_ylabel(r"$\lambda_1 / \kappa$")
+  ax = Panel(1)
+  unit, power = TimesTen(way["above_the_end"])
+  ax.plot(way["t"], way["above_the_end"] / unit, color=VERMILION)
+  ax.set_xlabel("part of the way", fontsize=12)
+  ax.set_ylabel(r"$E - E_{\mathrm{after}}$" + power)
+  ax = Panel(2)
+  if len(harmonics["m"]):
+    shells = sorted(set(harmonics["inner"]))
+    width = 0.8 / len(shells)
+    unit, power = TimesTen(harmonics["amplitude"])
+    length = math.sqrt(abs(np.linalg.det(packing.cell)))
+    for k, inner in enumerate(shells):
+      of = harmonics["inner"] == inner
+      ax.bar(harmonics["m"][of] + (k - (len(shells) - 1) / 2) * width,
+             harmonics["amplitude"][of] / unit, width,
+             color=Mix(BLUE, "#FFFFFF", 0.22 * k),
+             label="%.2g" % ((inner + harmonics["outer"][of][0]) / 2 / length))
+    ax.set_ylabel("amplitude" + power)
+    ax.legend(title="distance / cell", fontsize=9, title_fontsize=9, ncol=2)
+  ax.set_xlabel("harmonic $m$", fontsize=12)
+  for ax in figure.axes[1:]:
+    ax.grid(True, color=PALE, linewidth=0.7)
+    ax.set_axisbelow(True)
+    ax.tick_params(which="both", top=True, right=True, labelsize=11)
+  figure.text(0.1 / total_width, 0.1 / (total + 0.75),
+              "\n".join(textwrap.wrap(EVENT_HELP, 168)), fontsize=9.5, color=GREY,
+              va="bottom", linespacing=1.25)
+  return figure
+
+
+def EventsFigure(arguments):
+  table = ReadTable(arguments.table, ("energy", "energy_drop", "stress_drop",
+                                      "participation", "strain_before"))
+  if not len(table["energy"]):
+    raise InputError("%s: no rows" % arguments.table)
+  figure, axes = plt.subplots(
+      1, 2, figsize=(10.6, 4.9),
+      gridspec_kw=dict(left=0.085, right=0.98, top=0.9, bottom=0.16, wspace=0.24))
+  drop = np.sort(table["energy_drop"] / table["energy"])
+  part = 1 - np.arange(len(drop)) / len(drop)
+  ax = axes[0]
+  ax.set_xscale("log")
+  ax.set_yscale("log")
+  ax.step(drop, part, where="post", color=BLUE, linewidth=2)
+  ax.plot(drop, part, ".", color=BLUE, markersize=4)
+  ax.set_xlabel(r"energy drop  $\Delta E / E$")
+  ax.set_ylabel("part of the events that are larger")
+  ax.set_title("%d events, median %s" % (len(drop), "$%s$" % Scientific(np.median(drop))),
+               loc="left", fontsize=12)
+  ax = axes[1]
+  ax.set_xscale("log")
+  ax.set_yscale("log")
+  falls = table["stress_drop"] > 0
+  for chosen, fill, label in ((falls, BLUE, "stress falls"),
+                              (~falls, "white", "stress rises")):
+    if chosen.any():
+      ax.scatter((table["energy_drop"] / table["energy"])[chosen],
+                 table["participation"][chosen], s=26, facecolor=fill,
+                 edgecolor=Mix(BLUE, INK, 0.3), linewidth=0.9, label=label)
+  ax.set_xlabel(r"energy drop  $\Delta E / E$")
+  ax.set_ylabel("participation of the grains")
+  ax.legend(fontsize=11, loc="lower right", frameon=True, framealpha=0.9)
+  FinishPanels(axes)
+  Help(figure, "Left, the cumulative distribution of the part of its energy that the "
+       "packing dissipates in an event at fixed strain. Right, how many grains take part "
+       "in it: 1 if all move alike, 1 / N' for a single one; open circles are events after "
+       "which the packing resists more than before.")
+  return figure
+
+
 def Save(figure, base):
   """OUT.svg and OUT.png: written aside, then renamed."""
   written = []
@@ -2515,6 +2754,19 @@ def Arguments(words):
   command.add_argument("table")
   command.add_argument("out")
   command.set_defaults(figure=DistributionsFigure)
+  command = commands.add_parser("shear")
+  command.add_argument("table")
+  command.add_argument("out")
+  command.add_argument("--mode", choices=tuple(STRAIN_LABELS), default="pure")
+  command.set_defaults(figure=StrainFigure)
+  command = commands.add_parser("event")
+  command.add_argument("folder")
+  command.add_argument("out")
+  command.set_defaults(figure=EventFigure)
+  command = commands.add_parser("events")
+  command.add_argument("table")
+  command.add_argument("out")
+  command.set_defaults(figure=EventsFigure)
   return parser.parse_args(words)
 
 
