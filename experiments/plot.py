@@ -32,7 +32,7 @@
         mean phi_J against the number of grains, and PHI - C N^-EXPONENT
     plot.py scaling SCALING.csv OUT
         what a grain costs against the number of grains (experiments/scaling.sh)
-    plot.py shear CURVES.csv|BANDS.csv OUT [--mode=pure|simple|bulk]
+    plot.py shear CURVES.csv|BANDS.csv OUT [--mode=pure|simple|bulk] [--first=phi]
         of `shear`: stress and fabric against strain, a line an increment; of several
         seeds the mean with its 20 and 80 % quantiles
     plot.py event DIR OUT
@@ -2442,9 +2442,11 @@ def TimesTen(values):
 
 def StrainFigure(arguments):
   path = arguments.table
-  names = [name for name, _ in SHEAR_QUANTITIES]
+  quantities = (SHEAR_QUANTITIES if arguments.first == "stress_iso" else
+                (("phi", r"packing fraction  $\phi$"), *SHEAR_QUANTITIES[1:]))
+  names = [name for name, _ in quantities]
   lines = ReadText(path).splitlines()
-  bands = bool(lines) and "stress_iso_low" in lines[0]
+  bands = bool(lines) and "stress_dev_low" in lines[0]
   required = ["increment", "step", "strain", *names]
   if bands:
     required += ["curves"] + [name + end for name in names for end in ("_low", "_high")]
@@ -2461,7 +2463,7 @@ def StrainFigure(arguments):
       gridspec_kw=dict(left=0.09, right=0.98, top=1 - 0.62 / height,
                        bottom=0.68 / height, wspace=0.24, hspace=0.09))
   count = len(pieces)
-  for ax, (name, label) in zip(axes.flat, SHEAR_QUANTITIES):
+  for ax, (name, label) in zip(axes.flat, quantities):
     unit, power = TimesTen(table[name])
     for k, piece in enumerate(pieces):
       colour = colours[table["increment"][piece][0]]
@@ -2492,7 +2494,8 @@ def StrainFigure(arguments):
     handles.append(Line2D(
         [], [], color=colours[value], linewidth=2.4,
         linestyle="-" if finest else ((0, (6, 2)) if k % 2 else (0, (2, 1.5))),
-        label=r"$\delta\gamma = %s$" % Scientific(value)))
+        label=r"$\delta\gamma = %s$" % re.sub(r"\.?0*\\times", r"\\times",
+                                               Scientific(value))))
   figure.legend(handles=handles, loc="upper center", ncol=min(5, len(handles)),
                 bbox_to_anchor=(0.535, 1.0), fontsize=13, handlelength=2.6,
                 borderaxespad=0.35)
@@ -2560,7 +2563,7 @@ def EventFigure(arguments):
     ax.set_ylim(10**low, 10**high)
     Decades(ax.yaxis, low, high)
     if good.sum() > 3:
-      end = x[good][-3], y[good][-3]
+      end = x[good][-1], y[good][-1]
       line = np.geomspace(x[good].min(), x[good].max(), 2)
       ax.plot(line, end[1] * (line / end[0])**0.5, color=GREY, linestyle=(0, (5, 3)),
               linewidth=1.2, scalex=False, scaley=False)
@@ -2758,6 +2761,7 @@ def Arguments(words):
   command.add_argument("table")
   command.add_argument("out")
   command.add_argument("--mode", choices=tuple(STRAIN_LABELS), default="pure")
+  command.add_argument("--first", choices=("stress_iso", "phi"), default="stress_iso")
   command.set_defaults(figure=StrainFigure)
   command = commands.add_parser("event")
   command.add_argument("folder")

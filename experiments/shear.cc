@@ -19,6 +19,7 @@
 #include "experiments/shear_curves.h"
 #include "experiments/shear_ensemble.h"
 #include "experiments/shear_events.h"
+#include "granular/cell_energy.h"
 #include "granular/packing_io.h"
 #include "granular/quasistatic_shear.h"
 
@@ -43,6 +44,15 @@ DEFINE_double(event_threshold,
               1e-5,
               "a step that dissipates more than this part of its energy is "
               "searched for events");
+DEFINE_double(pressure,
+              0.0,
+              "shear at this constant pressure: the volume relaxes, too; 0: at "
+              "constant volume");
+DEFINE_bool(
+    stabilize,
+    false,
+    "with --pressure: the start is relaxed over all shapes of its cell, "
+    "so that it bears any small shear");
 DEFINE_bool(paper,
             false,
             "Fig. 8: pure shear to 2 % in increments 4e-4, 2e-4, 1e-4; 4096 "
@@ -56,6 +66,8 @@ namespace granopt {
 namespace {
 
 constexpr double kMostSteps = 1e6;
+// Of a relaxation in the search for an event.
+constexpr std::int64_t kEventEvaluations = 100000;
 
 DeformationMode ReadMode() {
   for (const DeformationMode mode : {DeformationMode::PURE_SHEAR,
@@ -100,6 +112,16 @@ std::vector<double> CheckFlags(DeformationMode mode) {
   }
   CheckRange("cycles", FLAGS_cycles, 0, 1000);
   CheckPositive("event_threshold", FLAGS_event_threshold);
+  CheckRange("pressure", FLAGS_pressure, 0.0, 1e6);
+  if (FLAGS_pressure > 0.0 && mode == DeformationMode::BULK) {
+    BadInput("--pressure cannot go with --mode=bulk");
+  }
+  if (FLAGS_pressure > 0.0 && FLAGS_events) {
+    BadInput("--events are located at constant volume, not with --pressure");
+  }
+  if (FLAGS_stabilize && !(FLAGS_pressure > 0.0)) {
+    BadInput("--stabilize needs --pressure");
+  }
   std::vector<double> increments;
   std::string error;
   if (!ParseNumbers(FLAGS_increments, &increments, &error)) {
@@ -218,6 +240,11 @@ int Main() {
         "          the paper states neither phi, alpha nor the number of "
         "grains of Fig. 8: assumed here\n");
   }
+  if (FLAGS_pressure > 0.0) {
+    std::printf("          at constant pressure %g%s\n",
+                FLAGS_pressure,
+                FLAGS_stabilize ? ", from a cell relaxed in every shape" : "");
+  }
   std::printf(
       "          each state relaxed to |g| <= %g mean forces; method "
       "%s\n",
@@ -228,6 +255,7 @@ int Main() {
   options.energy = scene.energy;
   options.solve = solve;
   options.mode = mode;
+  options.pressure = FLAGS_pressure;
   Json setup = {{"packing", Crc32(FormatPacking(scene.packing))},
                 {"alpha", scene.energy.alpha},
                 {"solver", scene.solver->name()},
@@ -236,6 +264,8 @@ int Main() {
                 {"strain", FLAGS_strain},
                 {"increments", FLAGS_increments},
                 {"cycles", FLAGS_cycles},
+                {"pressure", FLAGS_pressure},
+                {"stabilize", FLAGS_stabilize},
                 {"events", FLAGS_events},
                 {"event_threshold", FLAGS_event_threshold},
                 {"precision", PrecisionName(scene.energy.precision)}};
@@ -287,9 +317,25 @@ int Main() {
                  &error)) {
         BadInput(error);
       }
-      run.start = start.packing;
       run.relaxations = 1;
       run.gave_up = start.summary.Succeeded() ? 0 : 1;
+      if (FLAGS_pressure > 0.0) {
+        ConstantStressOptions stress;
+        stress.energy = scene.energy;
+        stress.solve = options.solve;
+        stress.pressure = FLAGS_pressure;
+        const int d = scene.packing.dimension();
+        stress.strains = FLAGS_stabilize ? AllStrains(d) : IsotropicStrain(d);
+        ConstantStressResult result;
+        if (!RelaxAtStress(
+                start.packing, stress, *scene.solver, &result, &error)) {
+          BadInput(error);
+        }
+        result.relaxation.summary.counters = result.counters;
+        start = std::move(result.relaxation);
+        run.gave_up = result.converged ? 0 : 1;
+      }
+      run.start = start.packing;
       run.evaluations = start.summary.counters.evaluations;
       run.seconds = start.summary.seconds;
     }
@@ -309,17 +355,21 @@ int Main() {
                        options.path.size());
         if (step.step == 0) return true;
         ++run.relaxations;
-        const Summary& s = step.result->summary;
-        run.gave_up += s.Succeeded() ? 0 : 1;
-        run.evaluations += s.counters.evaluations;
-        run.factorizations += s.counters.factorizations;
-        run.seconds += s.seconds;
+        const QuasistaticShearState& now = *step.state;
+        const QuasistaticShearState& before = *step.before;
+        run.gave_up += now.gave_up - before.gave_up;
+        run.evaluations +=
+            now.counters.evaluations - before.counters.evaluations;
+        run.factorizations +=
+            now.counters.factorizations - before.counters.factorizations;
+        run.seconds += now.seconds - before.seconds;
         if (FLAGS_events && is_finest &&
             step.dissipated > FLAGS_event_threshold * step.before->energy) {
           stage += ", events";
           PlasticEventOptions event_options;
           event_options.energy = scene.energy;
           event_options.solve = options.solve;
+          event_options.solve.max_evaluations = kEventEvaluations;
           event_options.mode = mode;
           if (!NoteEvents(*step.before,
                           step.strain,
@@ -376,6 +426,8 @@ int Main() {
   json["strain"] = FLAGS_strain;
   json["increments"] = increments;
   json["cycles"] = FLAGS_cycles;
+  json["pressure"] = FLAGS_pressure;
+  json["stabilized"] = FLAGS_stabilize;
   json["relaxations"] = run.relaxations;
   json["gave_up"] = run.gave_up;
   json["evaluations"] = run.evaluations;
@@ -401,6 +453,7 @@ int Main() {
   PlasticEventOptions event_options;
   event_options.energy = scene.energy;
   event_options.solve = solve;
+  event_options.solve.max_evaluations = kEventEvaluations;
   event_options.mode = mode;
   std::string event_lines;
   if (FLAGS_events) {
@@ -409,11 +462,13 @@ int Main() {
   }
   json["provenance"] = Provenance();
   output.WriteJson("summary.json", json);
-  output.Plot({"shear",
-               output.Path("curves.csv"),
-               output.Path("curves"),
-               "--mode=" + FLAGS_mode},
-              {"curves.svg", "curves.png"});
+  output.Plot(
+      {"shear",
+       output.Path("curves.csv"),
+       output.Path("curves"),
+       "--mode=" + FLAGS_mode,
+       Format("--first=%s", FLAGS_pressure > 0.0 ? "phi" : "stress_iso")},
+      {"curves.svg", "curves.png"});
   output.Plot({"packing",
                output.Path("packing.xyz"),
                output.Path("contacts.csv"),

@@ -16,6 +16,7 @@
 
 DECLARE_string(seeds);
 DECLARE_string(mode);
+DECLARE_double(pressure);
 
 namespace granopt {
 namespace {
@@ -115,15 +116,19 @@ BandPoint MakeBand(std::vector<double> values) {
 
 std::string BandsCsv(const std::vector<std::vector<StrainRow>>& members) {
   std::string csv = "increment,step,strain,curves";
-  for (const char* name :
-       {"stress_iso", "stress_dev", "fabric_iso", "fabric_dev", "conjugate"}) {
+  for (const char* name : {"stress_iso",
+                           "stress_dev",
+                           "fabric_iso",
+                           "fabric_dev",
+                           "conjugate",
+                           "phi"}) {
     csv += Format(",%s,%s_error,%s_low,%s_high", name, name, name, name);
   }
   csv += "\n";
   if (members.empty()) return csv;
   for (std::size_t k = 0; k < members[0].size(); ++k) {
     const StrainRow& first = members[0][k];
-    std::vector<double> values[5];
+    std::vector<double> values[6];
     for (const std::vector<StrainRow>& rows : members) {
       if (k >= rows.size()) continue;
       const StrainRow& r = rows[k];
@@ -132,6 +137,7 @@ std::string BandsCsv(const std::vector<std::vector<StrainRow>>& members) {
       values[2].push_back(r.fabric_iso);
       values[3].push_back(r.fabric_dev);
       values[4].push_back(r.conjugate);
+      values[5].push_back(r.phi);
     }
     csv += Format("%.17g,%d,%.17g,%zu",
                   first.increment,
@@ -306,11 +312,13 @@ int RunShearEnsemble(const Ensemble& ensemble, DeformationMode mode) {
   if (has_events) output.Write("events.csv", events_csv);
   output.WriteJson("summary.json", json);
   if (counted > 0) {
-    output.Plot({"shear",
-                 output.Path("bands.csv"),
-                 output.Path("bands"),
-                 "--mode=" + FLAGS_mode},
-                {"bands.svg", "bands.png"});
+    output.Plot(
+        {"shear",
+         output.Path("bands.csv"),
+         output.Path("bands"),
+         "--mode=" + FLAGS_mode,
+         Format("--first=%s", FLAGS_pressure > 0.0 ? "phi" : "stress_iso")},
+        {"bands.svg", "bands.png"});
   }
   if (events.size() > 3) {
     output.Plot({"events", output.Path("events.csv"), output.Path("events")},

@@ -20,7 +20,7 @@ struct BandPoint {
 BandPoint MakeBand(std::vector<double> values);
 
 // increment,step,strain,curves, then mean, standard error, 20 % and 80 %
-// quantiles of stress_iso, stress_dev, fabric_iso, fabric_dev and conjugate.
+// quantiles of stress_iso, stress_dev, fabric_iso, fabric_dev, conjugate and phi.
 std::string BandsCsv(const std::vector<std::vector<StrainRow>>& members);
 
 // Runs a copy of this binary for each seed, at most --jobs at a time, in

@@ -60,6 +60,7 @@ Json ToJson(const EventCatalogue& catalogue) {
           {"searched", catalogue.searched},
           {"elastic", catalogue.elastic},
           {"relaxations", catalogue.relaxations},
+          {"unconverged", catalogue.unconverged},
           {"largest", ToJson(catalogue.largest)},
           {"largest_to", catalogue.largest_to},
           {"largest_drop", catalogue.largest_drop}};
@@ -71,6 +72,7 @@ EventCatalogue EventCatalogueOf(const Json& json) {
   json.at("searched").get_to(catalogue.searched);
   json.at("elastic").get_to(catalogue.elastic);
   json.at("relaxations").get_to(catalogue.relaxations);
+  json.at("unconverged").get_to(catalogue.unconverged);
   catalogue.largest = ShearStateOf(json.at("largest"));
   json.at("largest_to").get_to(catalogue.largest_to);
   json.at("largest_drop").get_to(catalogue.largest_drop);
@@ -147,6 +149,7 @@ bool NoteEvents(const QuasistaticShearState& before,
       return false;
     }
     catalogue->relaxations += event.relaxations;
+    catalogue->unconverged += event.unconverged;
     if (!event.found || !(event.energy_drop >
                           0.1 * threshold * event.before.observables.energy)) {
       if (k == 0) ++catalogue->elastic;
@@ -193,6 +196,7 @@ std::string PublishEvents(const EventCatalogue& catalogue,
   summary["steps_searched"] = catalogue.searched;
   summary["steps_without"] = catalogue.elastic;
   summary["relaxations"] = catalogue.relaxations;
+  summary["unconverged"] = catalogue.unconverged;
   double worst_energy = 0.0, worst_displacement = 0.0;
   int reversible = 0;
   for (const EventRow& row : catalogue.rows) {
@@ -205,11 +209,17 @@ std::string PublishEvents(const EventCatalogue& catalogue,
   summary["worst_reversal_energy"] = worst_energy;
   std::string text = Format(
       "\n  events        %zu, in %d of %d steps that were searched (%d "
-      "relaxations); the others only change contacts\n",
+      "relaxations%s); the others only change contacts\n",
       catalogue.rows.size(),
       catalogue.searched - catalogue.elastic,
       catalogue.searched,
-      catalogue.relaxations);
+      catalogue.relaxations,
+      catalogue.unconverged > 0
+          ? Format(", %d of them stopped after %lld evaluations",
+                   catalogue.unconverged,
+                   static_cast<long long>(options.solve.max_evaluations))
+                .c_str()
+          : "");
   if (catalogue.rows.empty()) return text;
   text += Format(
       "  reversible    %d of %zu branches that end in one: sheared back their "

@@ -26,6 +26,7 @@ struct EventCatalogue {
   int searched = 0;  // steps
   int elastic = 0;   // of them, without an event
   int relaxations = 0;
+  int unconverged = 0;  // of those
   // The beginning of the search that found the largest.
   QuasistaticShearState largest;
   double largest_to = 0.0, largest_drop = 0.0;

@@ -104,8 +104,12 @@ bool LocateEvent(const Packing& start,
     DeformTo(options.mode, state.strain, strain, &packing);
     next->strain = strain;
     ++event->relaxations;
-    return Relax(
-        packing, options.energy, solver, solve, &next->relaxation, error);
+    if (!Relax(
+            packing, options.energy, solver, solve, &next->relaxation, error)) {
+      return false;
+    }
+    event->unconverged += next->relaxation.summary.Succeeded() ? 0 : 1;
+    return true;
   };
   const auto note = [&](const State& state) {
     const Observables& o = state.relaxation.observables;

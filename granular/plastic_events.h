@@ -14,7 +14,8 @@ struct PlasticEventOptions {
   ContactEnergyOptions energy;
   // For each relaxation. Next to an instability forces are balanced almost
   // everywhere: the tolerance decides whether the packing is seen to move at
-  // all, and is at most 1e-12 here.
+  // all, and is at most 1e-12 here. A bound of evaluations belongs here, too:
+  // first-order methods may take for ever through such a place.
   SolveOptions solve;
   DeformationMode mode = DeformationMode::PURE_SHEAR;
   // The strain is located to this, > 0.
@@ -62,6 +63,7 @@ struct PlasticEvent {
   double reversal_energy = 0.0;
   double reversal_displacement = 0.0;
   int relaxations = 0;
+  int unconverged = 0;  // of those
 };
 
 // Looks for the instability in the step of `mode` from strain `from`, where

@@ -4,6 +4,7 @@
 #include <memory>
 #include <utility>
 
+#include "granular/cell_energy.h"
 #include "solvers/format.h"
 
 namespace granopt {
@@ -23,6 +24,14 @@ int NumSteps(const QuasistaticShearOptions& options) {
 bool CheckOptions(const QuasistaticShearOptions& options, std::string* error) {
   if (options.path.empty() && options.steps < 1) {
     *error = Format("steps = %d must be positive", options.steps);
+    return false;
+  }
+  if (options.pressure != 0.0 &&
+      (!(options.pressure > 0.0) || !std::isfinite(options.pressure) ||
+       options.mode == DeformationMode::BULK)) {
+    *error = options.mode == DeformationMode::BULK
+                 ? "a pressure cannot go with strains of the volume"
+                 : Format("pressure = %g must be positive", options.pressure);
     return false;
   }
   const bool is_bounded = options.mode != DeformationMode::SIMPLE_SHEAR;
@@ -145,9 +154,35 @@ bool ContinueShear(
     Packing packing = before.packing;
     DeformTo(options.mode, before.strain, step.strain, &packing);
     Relaxation relaxed;
-    if (!Relax(
-            packing, options.energy, solver, options.solve, &relaxed, error)) {
-      return false;
+    Counters counters;
+    double seconds = 0.0;
+    bool succeeded = false;
+    if (options.pressure > 0.0) {
+      ConstantStressOptions stress;
+      stress.energy = options.energy;
+      stress.solve = options.solve;
+      stress.pressure = options.pressure;
+      stress.strains = IsotropicStrain(d);
+      ConstantStressResult at_stress;
+      if (!RelaxAtStress(packing, stress, solver, &at_stress, error)) {
+        return false;
+      }
+      relaxed = std::move(at_stress.relaxation);
+      counters = at_stress.counters;
+      seconds = at_stress.seconds;
+      succeeded = at_stress.converged;
+    } else {
+      if (!Relax(packing,
+                 options.energy,
+                 solver,
+                 options.solve,
+                 &relaxed,
+                 error)) {
+        return false;
+      }
+      counters = relaxed.summary.counters;
+      seconds = relaxed.summary.seconds;
+      succeeded = relaxed.summary.Succeeded();
     }
     state->step = step.step;
     state->strain = step.strain;
@@ -155,11 +190,16 @@ bool ContinueShear(
     state->energy = relaxed.observables.energy;
     state->stress = relaxed.observables.stress;
     ++state->relaxations;
-    state->gave_up += relaxed.summary.Succeeded() ? 0 : 1;
-    state->counters += relaxed.summary.counters;
-    state->seconds += relaxed.summary.seconds;
-    const SmallMatrix strain =
+    state->gave_up += succeeded ? 0 : 1;
+    state->counters += counters;
+    state->seconds += seconds;
+    SmallMatrix strain =
         StrainIncrement(options.mode, d, before.strain, step.strain);
+    if (options.pressure > 0.0) {
+      strain.diagonal().array() +=
+          std::log(state->packing.box.Volume() / before.packing.box.Volume()) /
+          d;
+    }
     step.work =
         -0.5 * (MinusPower(before.stress, before.packing.box.Volume(), strain) +
                 MinusPower(state->stress, state->packing.box.Volume(), strain));

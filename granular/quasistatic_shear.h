@@ -54,6 +54,9 @@ struct QuasistaticShearOptions {
   // The strains of steps 1, 2, ... one by one, for cycles; empty: `strain` in
   // `steps` equal increments.
   std::vector<double> path;
+  // Positive: after each increment the volume relaxes, too, until the pressure
+  // is this one (RelaxAtStress with the isotropic strain); not with BULK.
+  double pressure = 0.0;
 };
 
 // Where a run stands between two steps: plain data, all that the next one
@@ -78,7 +81,8 @@ struct QuasistaticShearStep {
   // What the boundary has done to the packing in this step,
   //   W = -V sigma : ln D_k (sigma positive in compression),
   // with the mean of V sigma before and after: E_k - E_(k-1) to third order
-  // in the strain where nothing rearranges, otherwise
+  // in the strain where nothing rearranges; at constant pressure the strain
+  // includes that of the volume. Otherwise
   double work = 0.0;
   // E_(k-1) + W - E_k, what the rearrangements have dissipated.
   double dissipated = 0.0;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "Eigen/LU"
+#include "granular/cell_energy.h"
 #include "gtest/gtest.h"
 #include "solvers/registry.h"
 #include "tests/granular/test_packings.h"
@@ -374,6 +375,58 @@ TEST(LeesEdwards, AFlowGoesOnAcrossTheFold) {
   EXPECT_GT(states[2].edges(0, 1), 0.0);
   EXPECT_LT(states[3].edges(0, 1), 0.0);
   EXPECT_LE(std::abs(states[3].dissipated), 1e-5 * std::abs(states[3].work));
+}
+
+// At constant pressure the volume gives way: p stays, and the work of shear and
+// of the pressure is the energy.
+TEST(QuasistaticShear, AtConstantPressureTheVolumeGivesWay) {
+  for (const int d : {2, 3}) {
+    ConstantStressOptions stress;
+    stress.pressure = 5e-3;
+    stress.strains = IsotropicStrain(d);
+    stress.solve.relative_tolerance = 1e-12;
+    ConstantStressResult start;
+    std::string error;
+    const auto solver = MakeSolver("newton");
+    ASSERT_TRUE(RelaxAtStress(Relaxed(d), stress, *solver, &start, &error));
+    for (const DeformationMode mode :
+         {DeformationMode::PURE_SHEAR, DeformationMode::SIMPLE_SHEAR}) {
+      QuasistaticShearOptions options = Options(0.0, 1);
+      options.mode = mode;
+      options.pressure = stress.pressure;
+      options.path = {2e-6, 4e-6};
+      options.solve.relative_tolerance = 1e-12;
+      QuasistaticShearResult result;
+      double volume = start.relaxation.packing.box.Volume();
+      double most = 0.0;
+      ASSERT_TRUE(ShearQuasistatically(
+          start.relaxation.packing,
+          options,
+          *solver,
+          [&](const QuasistaticShearStep& step) {
+            EXPECT_NEAR(step.result->observables.pressure,
+                        options.pressure,
+                        1e-10 * options.pressure);
+            if (step.step == 0) return true;
+            EXPECT_NE(step.state->packing.box.Volume(), volume);
+            most = std::max(most, std::abs(step.work));
+            EXPECT_LE(std::abs(step.dissipated), 1e-5 * most);
+            return true;
+          },
+          &result,
+          &error))
+          << error;
+      EXPECT_EQ(result.gave_up, 0);
+    }
+  }
+  QuasistaticShearOptions options = Options(0.1, 1);
+  options.pressure = -1.0;
+  QuasistaticShearResult result;
+  std::string error;
+  const Packing start = Relaxed();
+  EXPECT_FALSE(ShearQuasistatically(
+      start, options, *MakeSolver("lbfgs"), nullptr, &result, &error));
+  EXPECT_NE(error.find("pressure = -1"), std::string::npos);
 }
 
 // From any state that an observer was shown, bitwise.
