@@ -214,11 +214,12 @@ void ReadCheckpoint(const Checkpoint& checkpoint, Run* run) {
 
 int Main() {
   const Ensemble ensemble = ReadEnsembleFlags();
+  const bool has_particles = IsGiven("particles");
   const DeformationMode mode = ReadMode();
   const std::vector<double> increments = CheckFlags(mode);
   if (!ensemble.sizes.empty()) BadInput("--sizes is no flag of shear");
   Scene scene = MakeSceneWithSolver(FLAGS_phi);
-  if (ensemble.asked) return RunShearEnsemble(ensemble, mode);
+  if (ensemble.asked) return RunShearEnsemble(ensemble, has_particles);
   const SolveOptions solve = MakeSolveOptions();
 
   std::printf("shear     %s (%s), alpha = %g, phi = %.6f\n",

@@ -1,16 +1,12 @@
 #include "experiments/shear_ensemble.h"
 
-#include <sys/stat.h>
-
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <fstream>
 #include <sstream>
 
-#include "experiments/jobs.h"
+#include "experiments/children.h"
 #include "experiments/scene.h"
 #include "experiments/shear_events.h"
 
@@ -41,37 +37,11 @@ std::string ReadText(const std::string& path) {
   return text.str();
 }
 
-// The words that decide on the result.
-std::vector<std::string> ThatMatter(const std::vector<std::string>& words) {
-  std::vector<std::string> kept;
-  for (std::size_t k = 1; k < words.size(); ++k) {
-    if (words[k].rfind("--out=", 0) != 0 &&
-        words[k].rfind("--resume", 0) != 0) {
-      kept.push_back(words[k]);
-    }
-  }
-  return kept;
-}
-
-bool IsComplete(const std::string& folder,
-                const std::vector<std::string>& arguments) {
-  const Json json = Json::parse(
-      ReadText(folder + "/summary.json"), nullptr, /*allow_exceptions=*/false);
+void ReadMember(const std::string& folder,
+                const Json& summary,
+                ShearMember* member) {
   try {
-    return ThatMatter(json.at("provenance")
-                          .at("command")
-                          .get<std::vector<std::string>>()) ==
-           ThatMatter(arguments);
-  } catch (const Json::exception&) {
-    return false;
-  }
-}
-
-void ReadMember(const std::string& folder, ShearMember* member) {
-  const Json json = Json::parse(
-      ReadText(folder + "/summary.json"), nullptr, /*allow_exceptions=*/false);
-  try {
-    json.at("converged").get_to(member->converged);
+    summary.at("converged").get_to(member->converged);
   } catch (const Json::exception& exception) {
     member->failure = std::string("summary.json: ") + exception.what();
     return;
@@ -154,7 +124,7 @@ std::string BandsCsv(const std::vector<std::vector<StrainRow>>& members) {
   return csv;
 }
 
-int RunShearEnsemble(const Ensemble& ensemble, DeformationMode mode) {
+int RunShearEnsemble(const Ensemble& ensemble, bool has_particles) {
   Output output;
   output.Create(FLAGS_out,
                 {"summary.json",
@@ -166,81 +136,42 @@ int RunShearEnsemble(const Ensemble& ensemble, DeformationMode mode) {
                  "events.svg",
                  "events.png"});
   std::vector<ShearMember> members;
-  std::vector<Job> jobs;
-  std::vector<std::size_t> member_of_job;
+  std::vector<Child> children;
   for (const std::uint64_t seed : ensemble.seeds) {
     ShearMember member;
     member.seed = seed;
-    Job job;
-    job.name = NameOf(member);
-    const std::string folder = output.Path(job.name);
-    job.program = kThisProgram;
-    job.log = folder + "/log.txt";
-    job.arguments = {
-        "shear",
-        Format("--seed=%llu", static_cast<unsigned long long>(seed)),
-        "--out=" + folder,
-        "--pictures=false"};
+    Child child;
+    child.name = NameOf(member);
+    child.arguments = {
+        Format("--seed=%llu", static_cast<unsigned long long>(seed))};
     // --particles does not go to the children of an ensemble by itself.
-    if (IsGiven("particles")) {
-      job.arguments.push_back(Format("--particles=%d", FLAGS_particles));
+    if (has_particles) {
+      child.arguments.push_back(Format("--particles=%d", FLAGS_particles));
     }
-    job.arguments.insert(
-        job.arguments.end(), ensemble.passed.begin(), ensemble.passed.end());
-    struct stat status;
-    const bool ended = stat((folder + "/summary.json").c_str(), &status) == 0;
-    if (!(ensemble.resume && ended && IsComplete(folder, job.arguments))) {
-      if (mkdir(folder.c_str(), 0755) != 0 && errno != EEXIST) {
-        BadInput("--out: cannot create folder '" + folder +
-                 "': " + std::strerror(errno));
-      }
-      std::remove((folder + "/summary.json").c_str());
-      if (ensemble.resume && !ended) job.arguments.push_back("--resume");
-      member_of_job.push_back(members.size());
-      jobs.push_back(job);
-    }
+    child.arguments.insert(
+        child.arguments.end(), ensemble.passed.begin(), ensemble.passed.end());
+    children.push_back(child);
     members.push_back(member);
   }
   std::printf("shear     %zu packings, %s: seeds %s; %d at a time\n",
               members.size(),
-              DeformationModeName(mode),
+              FLAGS_mode.c_str(),
               FLAGS_seeds.c_str(),
               ensemble.jobs);
-  if (jobs.size() < members.size()) {
-    std::printf("          %zu of them complete, not run again\n",
-                members.size() - jobs.size());
-  }
-  std::fflush(stdout);
   bool interrupted = false;
-  std::vector<JobOutcome> outcomes;
-  {
-    Progress progress;
-    outcomes = RunJobs(
-        jobs,
-        ensemble.jobs,
-        [&progress](const JobProgress& p) {
-          if (!progress.Due()) return;
-          std::string line = Format("%d of %d runs done, %d running, %.0f s",
-                                    p.done,
-                                    p.total,
-                                    p.running,
-                                    p.seconds);
-          if (p.interrupted) {
-            line += "; interrupted, waiting for those to end";
-          } else if (p.done > 0) {
-            line += Format(", about %.0f s left", p.seconds_left);
-          }
-          progress.Show(line);
-        },
-        &interrupted);
-  }
-  for (std::size_t k = 0; k < jobs.size(); ++k) {
-    const JobOutcome& outcome = outcomes[k];
-    if (outcome.state == JobOutcome::EXITED &&
-        (outcome.status == kConverged || outcome.status == kNotConverged)) {
-      continue;
+  const std::vector<ChildResult> results = RunChildren("shear",
+                                                       children,
+                                                       ensemble.jobs,
+                                                       ensemble.resume,
+                                                       /*children_resume=*/true,
+                                                       output,
+                                                       &interrupted);
+  for (std::size_t k = 0; k < members.size(); ++k) {
+    members[k].failure = results[k].failure;
+    if (members[k].failure.empty()) {
+      ReadMember(
+          output.Path(children[k].name), results[k].summary, &members[k]);
     }
-    members[member_of_job[k]].failure = Describe(outcome);
   }
 
   std::vector<std::vector<StrainRow>> curves;
@@ -254,15 +185,8 @@ int RunShearEnsemble(const Ensemble& ensemble, DeformationMode mode) {
   std::vector<Agreement> mean_agreement;
   int counted = 0;
   for (ShearMember& member : members) {
-    if (member.failure.empty()) {
-      ReadMember(output.Path(NameOf(member)), &member);
-    }
     all = all && member.complete && member.converged;
     if (!member.complete) {
-      std::fprintf(stderr,
-                   "shear: %s: %s\n",
-                   NameOf(member).c_str(),
-                   member.failure.c_str());
       json["failures"].push_back(
           {{"run", NameOf(member)}, {"line", member.failure}});
       continue;
@@ -300,7 +224,7 @@ int RunShearEnsemble(const Ensemble& ensemble, DeformationMode mode) {
     }
   }
   json["complete"] = counted;
-  json["mode"] = DeformationModeName(mode);
+  json["mode"] = FLAGS_mode;
   json["agreement"] = AgreementJson(mean_agreement);
   if (has_events) json["events"] = events.size();
   json["schema"] = "granopt/shear_ensemble/1";

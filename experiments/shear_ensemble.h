@@ -20,13 +20,15 @@ struct BandPoint {
 BandPoint MakeBand(std::vector<double> values);
 
 // increment,step,strain,curves, then mean, standard error, 20 % and 80 %
-// quantiles of stress_iso, stress_dev, fabric_iso, fabric_dev, conjugate and phi.
+// quantiles of stress_iso, stress_dev, fabric_iso, fabric_dev, conjugate and
+// phi.
 std::string BandsCsv(const std::vector<std::vector<StrainRow>>& members);
 
 // Runs a copy of this binary for each seed, at most --jobs at a time, in
 // OUT/seed<k>; with --resume only those that have no complete result for the
 // same flags. Returns the exit status: 0 if all converged, else 1.
-int RunShearEnsemble(const Ensemble& ensemble, DeformationMode mode);
+// `has_particles`: the user gave --particles.
+int RunShearEnsemble(const Ensemble& ensemble, bool has_particles);
 
 }  // namespace granopt
 

@@ -57,8 +57,14 @@ bool Relax(const Packing& start,
     order = SpatialOrder(start);
     reordered = Reordered(start, order);
   }
-  const std::unique_ptr<ContactEnergy> energy = ContactEnergy::Create(
-      order.empty() ? start : reordered, energy_options, error);
+  ContactEnergyOptions options = energy_options;
+  if (!order.empty() && options.fixed.size() == order.size()) {
+    for (std::size_t k = 0; k < order.size(); ++k) {
+      options.fixed[k] = energy_options.fixed[order[k]];
+    }
+  }
+  const std::unique_ptr<ContactEnergy> energy =
+      ContactEnergy::Create(order.empty() ? start : reordered, options, error);
   if (energy == nullptr) return false;
   reordered = Packing();
   std::vector<double> u(energy->NumParameters(), 0.0);
@@ -67,6 +73,10 @@ bool Relax(const Packing& start,
   if (!order.empty()) {
     result->packing = Restored(result->packing, order);
     result->contacts = Restored(std::move(result->contacts), order);
+    const std::vector<bool> is_rattler = result->observables.is_rattler;
+    for (std::size_t k = 0; k < order.size(); ++k) {
+      result->observables.is_rattler[order[k]] = is_rattler[k];
+    }
   }
   return true;
 }
@@ -143,6 +153,20 @@ Relaxation Conclude(Summary summary, const double* u, ContactEnergy* energy) {
   energy->EvaluateWithScales(u, &value, nullptr, nullptr);
   relaxation.observables =
       Measure(relaxation.packing, relaxation.contacts, value);
+  const std::vector<bool>& fixed = energy->options().fixed;
+  if (!fixed.empty()) {
+    // What holds a fixed grain is not the packing.
+    const int d = relaxation.packing.dimension();
+    Eigen::MatrixXd force = Eigen::MatrixXd::Zero(d, relaxation.packing.size());
+    for (const Contact& c : relaxation.contacts) {
+      if (!fixed[c.id.i]) force.col(c.id.i) += c.force * c.normal;
+      if (!fixed[c.id.j]) force.col(c.id.j) -= c.force * c.normal;
+    }
+    Observables& o = relaxation.observables;
+    o.max_residual = force.cwiseAbs().maxCoeff();
+    o.relative_residual =
+        o.mean_force > 0.0 ? o.max_residual / o.mean_force : 0.0;
+  }
   relaxation.list_builds = energy->num_list_builds();
   return relaxation;
 }
