@@ -41,6 +41,10 @@
         of `shear --events`: the largest plastic event
     plot.py events EVENTS.csv OUT
         of `shear --events`: sizes of plastic events
+    plot.py walls DIR OUT
+        of `shear --mode=wall`: stresses of the wall, and how the grains follow it
+    plot.py dynamics DYNAMICS.csv OUT
+        of `shear --dynamics`: states of damped motion against those of a minimizer
     plot.py grain_cost GRAIN_COST.csv OUT
         what a grain costs against the number of grains (experiments/grain_cost.sh)
     plot.py laws STATES.csv OUT [--exponents=EXPONENTS.csv]
@@ -2971,6 +2975,91 @@ def EventsFigure(arguments):
   return figure
 
 
+def WallsFigure(arguments):
+  path = arguments.folder + "/walls.csv"
+  table = ReadTable(path, ("strain", "shear_stress", "normal_stress"))
+  profile = ReadTable(arguments.folder + "/profile.csv", ("height", "displacement"))
+  if not len(table["strain"]):
+    raise InputError("%s: no rows" % path)
+  figure, axes = plt.subplots(
+      1, 3, figsize=(12.4, 4.6), gridspec_kw=dict(
+          left=0.07, right=0.985, top=0.95, bottom=0.16, wspace=0.32))
+  for ax, name, label in ((axes[0], "shear_stress", r"wall shear stress  $\tau$"),
+                          (axes[1], "normal_stress", "wall normal stress  $p$")):
+    unit, power = TimesTen(table[name])
+    ax.plot(100 * table["strain"], table[name] / unit, color=BLUE)
+    ax.set_xlabel(STRAIN_LABELS["simple"])
+    ax.set_ylabel(label + power)
+  ax = axes[2]
+  ax.plot([0, 1], [0, 1], color=GREY, linestyle=(0, (5, 3)), linewidth=1.2)
+  ax.plot(profile["displacement"], profile["height"], "o-", color=VERMILION,
+          markersize=5)
+  ax.set_xlabel("displacement / that of the wall")
+  ax.set_ylabel("height / distance of the walls")
+  ax.set_ylim(0, 1)
+  FinishPanels(axes)
+  Help(figure, "What the grains exert on the upper wall, which moves along x, and, right, "
+       "how far the grains have followed it at the end: dashed if the shear were even.")
+  return figure
+
+
+def DynamicsFigure(arguments):
+  names = (("energy", "energy"), ("pressure", "pressure"),
+           ("stress_dev", r"$\sigma_{\mathrm{dev}}$"),
+           ("fabric_iso", r"$F_{\mathrm{iso}}$"),
+           ("fabric_dev", r"$F_{\mathrm{dev}}$"), ("coordination", "$z$"))
+  table = ReadTable(arguments.table, ("seed", "load", "way", *(n for n, _ in names)),
+                    words=("load", "way"))
+  if not table["load"]:
+    raise InputError("%s: no rows" % arguments.table)
+  load, way = np.array(table["load"]), np.array(table["way"])
+  loads, ways = Unique(table["load"]), [w for w in Unique(table["way"])
+                                        if w != "minimizer"]
+  figure, axes = plt.subplots(
+      1, len(loads), sharey=True, squeeze=False, figsize=(1.2 + 3.8 * len(loads), 4.9),
+      gridspec_kw=dict(left=0.085, right=0.985, top=0.84, bottom=0.13, wspace=0.07))
+  colours = (BLUE, VERMILION, GREEN, ORANGE)
+  for ax, which in zip(axes[0], loads):
+    base = (load == which) & (way == "minimizer")
+    order = np.argsort(table["seed"][base])
+    ax.axhline(1, color=GREY, linestyle=(0, (5, 3)), linewidth=1.2, zorder=1)
+    for k, one in enumerate(ways):
+      chosen = (load == which) & (way == one)
+      mine = np.argsort(table["seed"][chosen])
+      for column, (name, _) in enumerate(names):
+        reference = table[name][base][order]
+        ratio = table[name][chosen][mine] / np.where(reference > 0, reference, np.nan)
+        x = column + (k - (len(ways) - 1) / 2) * 0.22
+        ax.plot(np.full(len(ratio), x), ratio, ".", color=Mix(colours[k % 4], "#FFFFFF", 0.5),
+                markersize=5, zorder=2)
+        error = np.nanstd(ratio, ddof=1) / math.sqrt(len(ratio)) if len(ratio) > 1 else 0
+        ax.errorbar([x], [np.nanmean(ratio)], yerr=[error], color=colours[k % 4],
+                    marker="o", markersize=6, capsize=3, zorder=4)
+    ax.set_title(which, fontsize=12.5, loc="left")
+    ax.set_xticks(range(len(names)))
+    ax.set_xticklabels([label for _, label in names], fontsize=11)
+    ax.set_yscale("log")
+    ax.yaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
+    ax.yaxis.set_minor_formatter(ticker.NullFormatter())
+  low, high = axes[0, 0].get_ylim()
+  ticks = [t for t in (0.1, 0.2, 0.5, 0.8, 0.9, 1, 1.1, 1.2, 1.5, 2, 5, 10)
+           if low <= t <= high]
+  if high / low < 1.1:
+    ticks = [t for t in (0.96, 0.98, 1, 1.02, 1.04) if low <= t <= high]
+  axes[0, 0].yaxis.set_major_locator(ticker.FixedLocator(ticks))
+  axes[0, 0].set_ylabel("ratio to the minimizer's")
+  FinishPanels(axes)
+  figure.legend(handles=[Line2D([], [], color=colours[k % 4], marker="o", linestyle="",
+                                markersize=7, label=one.replace("motion c=", "$c = ") + "$")
+                         for k, one in enumerate(ways)],
+                loc="upper center", ncol=len(ways), bbox_to_anchor=(0.535, 1.0),
+                fontsize=12.5, title=None)
+  Help(figure, "Damped Newtonian motion from rest, from the same start as the minimizer; "
+       "c in units of the root of stiffness times mass. Small points: single packings, "
+       "large ones their mean with its standard error.")
+  return figure
+
+
 def Save(figure, base):
   """OUT.svg and OUT.png: written aside, then renamed."""
   written = []
@@ -3109,6 +3198,14 @@ def Arguments(words):
   command.add_argument("folder")
   command.add_argument("out")
   command.set_defaults(figure=EventFigure)
+  command = commands.add_parser("walls")
+  command.add_argument("folder")
+  command.add_argument("out")
+  command.set_defaults(figure=WallsFigure)
+  command = commands.add_parser("dynamics")
+  command.add_argument("table")
+  command.add_argument("out")
+  command.set_defaults(figure=DynamicsFigure)
   command = commands.add_parser("events")
   command.add_argument("table")
   command.add_argument("out")

@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "experiments/checkpoint.h"
@@ -17,8 +18,10 @@
 #include "experiments/run.h"
 #include "experiments/scene.h"
 #include "experiments/shear_curves.h"
+#include "experiments/shear_dynamics.h"
 #include "experiments/shear_ensemble.h"
 #include "experiments/shear_events.h"
+#include "experiments/shear_walls.h"
 #include "granular/cell_energy.h"
 #include "granular/packing_io.h"
 #include "granular/quasistatic_shear.h"
@@ -27,6 +30,14 @@ DEFINE_string(mode,
               "pure",
               "pure: D = diag(1 + strain, 1 / (1 + strain)); simple: D = 1 + "
               "strain e1 e2, any strain; bulk: the volume times 1 + strain");
+DEFINE_string(wall,
+              "rough",
+              "with --mode=wall: rough (grains of the packing, held) or flat "
+              "(rows of small discs)");
+DEFINE_bool(dynamics,
+            false,
+            "instead: relax random starts and sheared packings by damped "
+            "motion, too, and compare (Remark 1.1); takes --seeds");
 DEFINE_double(phi,
               0.0,
               "packing fraction of a random start; default 0.86 (discs), 0.68 "
@@ -75,7 +86,8 @@ DeformationMode ReadMode() {
                                      DeformationMode::BULK}) {
     if (FLAGS_mode == DeformationModeName(mode)) return mode;
   }
-  BadInput("--mode=" + FLAGS_mode + " must be pure, simple or bulk");
+  if (FLAGS_mode == "wall") return DeformationMode::SIMPLE_SHEAR;
+  BadInput("--mode=" + FLAGS_mode + " must be pure, simple, bulk or wall");
 }
 
 // Coarsest first.
@@ -118,6 +130,20 @@ std::vector<double> CheckFlags(DeformationMode mode) {
   }
   if (FLAGS_pressure > 0.0 && FLAGS_events) {
     BadInput("--events are located at constant volume, not with --pressure");
+  }
+  if (FLAGS_wall != "rough" && FLAGS_wall != "flat") {
+    BadInput("--wall=" + FLAGS_wall + " must be rough or flat");
+  }
+  if (IsGiven("wall") && FLAGS_mode != "wall") {
+    BadInput("--wall needs --mode=wall");
+  }
+  if (FLAGS_mode == "wall" || FLAGS_dynamics) {
+    const std::string which = FLAGS_dynamics ? "--dynamics" : "--mode=wall";
+    for (const char* flag : {"events", "pressure", "resume", "paper"}) {
+      if (IsGiven(flag)) {
+        BadInput(std::string("--") + flag + " cannot go with " + which);
+      }
+    }
   }
   if (FLAGS_stabilize && !(FLAGS_pressure > 0.0)) {
     BadInput("--stabilize needs --pressure");
@@ -219,6 +245,25 @@ int Main() {
   const std::vector<double> increments = CheckFlags(mode);
   if (!ensemble.sizes.empty()) BadInput("--sizes is no flag of shear");
   Scene scene = MakeSceneWithSolver(FLAGS_phi);
+  if (FLAGS_dynamics) {
+    if (!FLAGS_input.empty()) {
+      BadInput("--dynamics begins with random starts, not with --input");
+    }
+    if (IsGiven("jobs")) BadInput("--jobs is of no use with --dynamics");
+    return RunDynamics(ensemble.asked ? ensemble.seeds
+                                      : std::vector<std::uint64_t>{FLAGS_seed},
+                       FLAGS_phi,
+                       {increments.back(), FLAGS_strain},
+                       std::move(scene.solver));
+  }
+  if (FLAGS_mode == "wall") {
+    if (ensemble.asked) BadInput("--seeds cannot go with --mode=wall");
+    if (increments.size() != 1) {
+      BadInput("--mode=wall takes one increment");
+    }
+    return RunWallShear(
+        std::move(scene), FLAGS_wall, PathOf(increments.front()));
+  }
   if (ensemble.asked) return RunShearEnsemble(ensemble, has_particles);
   const SolveOptions solve = MakeSolveOptions();
 

@@ -62,9 +62,11 @@ bool MakeRoughWalls(double thickness,
   packing->Wrap();
   *walls = Walls();
   walls->side.assign(packing->size(), 0);
+  packing->species.resize(packing->size(), "A");
   for (int i = 0; i < packing->size(); ++i) {
     const double y = packing->positions(1, i);
     walls->side[i] = y < thickness ? -1 : y >= height - thickness ? 1 : 0;
+    if (walls->side[i] != 0) packing->species[i] = "wall";
   }
   walls->lower = thickness;
   walls->upper = height - thickness;

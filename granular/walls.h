@@ -26,8 +26,9 @@ struct Walls {
 
 // Rough walls, cut from the packing itself: the grains whose centres lie in the
 // lowest and in the highest `thickness` (a length, at least the largest
-// diameter) of the cell. A relaxed packing stays relaxed. Returns false with
-// one line in `error` for a cell that is not rectangular or too thick walls.
+// diameter) of the cell, whose species becomes "wall". A relaxed packing stays
+// relaxed. Returns false with one line in `error` for a cell that is not
+// rectangular or walls that are too thin or too thick.
 bool MakeRoughWalls(double thickness,
                     Packing* packing,
                     Walls* walls,
