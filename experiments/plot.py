@@ -293,7 +293,14 @@ def Rattlers(packing, contacts):
   rattler = np.ones(len(packing.radii), bool)
   rattler[contacts.i[contacts.rigid]] = False
   rattler[contacts.j[contacts.rigid]] = False
-  return rattler
+  return rattler & ~Walls(packing)
+
+
+def Walls(packing):
+  """True for a grain of a wall, which need not be held by contacts."""
+  names, species = packing.species
+  return (species == names.index("wall") if "wall" in names
+          else np.zeros(len(species), bool))
 
 
 def MarkedRattlers(packing, contacts):
@@ -339,6 +346,10 @@ def Describe(packing, contacts):
   """`N = ...  phi = ...  p = ...  z = ...  rattlers`."""
   words = ["$N = %d$" % len(packing.radii),
            r"$\phi = %.5f$" % PackingFraction(packing)]
+  if Walls(packing).any():
+    # The cell is not what is filled.
+    return ["$N = %d$ and %d grains of walls" % (np.sum(~Walls(packing)),
+                                               np.sum(Walls(packing)))]
   if contacts is not None:
     rattlers = int(Rattlers(packing, contacts).sum())
     words.append("$p = %s$" % Scientific(Pressure(packing, contacts)))
@@ -3004,7 +3015,7 @@ def WallsFigure(arguments):
 
 
 def DynamicsFigure(arguments):
-  names = (("energy", "energy"), ("pressure", "pressure"),
+  names = (("energy", "$E$"), ("pressure", "$p$"),
            ("stress_dev", r"$\sigma_{\mathrm{dev}}$"),
            ("fabric_iso", r"$F_{\mathrm{iso}}$"),
            ("fabric_dev", r"$F_{\mathrm{dev}}$"), ("coordination", "$z$"))
@@ -3042,11 +3053,14 @@ def DynamicsFigure(arguments):
     ax.yaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
     ax.yaxis.set_minor_formatter(ticker.NullFormatter())
   low, high = axes[0, 0].get_ylim()
-  ticks = [t for t in (0.1, 0.2, 0.5, 0.8, 0.9, 1, 1.1, 1.2, 1.5, 2, 5, 10)
-           if low <= t <= high]
-  if high / low < 1.1:
-    ticks = [t for t in (0.96, 0.98, 1, 1.02, 1.04) if low <= t <= high]
-  axes[0, 0].yaxis.set_major_locator(ticker.FixedLocator(ticks))
+  # A stress that nearly vanishes says little by its ratio.
+  low = max(low, 0.05)
+  axes[0, 0].set_ylim(low, high)
+  choice = ((0.1, 0.2, 0.5, 1, 2, 5, 10) if high / low > 4 else
+            (0.5, 0.7, 0.8, 0.9, 1, 1.1, 1.2, 1.4, 2) if high / low > 1.1 else
+            (0.96, 0.98, 1, 1.02, 1.04))
+  axes[0, 0].yaxis.set_major_locator(
+      ticker.FixedLocator([t for t in choice if low <= t <= high]))
   axes[0, 0].set_ylabel("ratio to the minimizer's")
   FinishPanels(axes)
   figure.legend(handles=[Line2D([], [], color=colours[k % 4], marker="o", linestyle="",

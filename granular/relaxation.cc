@@ -151,22 +151,8 @@ Relaxation Conclude(Summary summary, const double* u, ContactEnergy* energy) {
   }
   double value = 0.0;
   energy->EvaluateWithScales(u, &value, nullptr, nullptr);
-  relaxation.observables =
-      Measure(relaxation.packing, relaxation.contacts, value);
-  const std::vector<bool>& fixed = energy->options().fixed;
-  if (!fixed.empty()) {
-    // What holds a fixed grain is not the packing.
-    const int d = relaxation.packing.dimension();
-    Eigen::MatrixXd force = Eigen::MatrixXd::Zero(d, relaxation.packing.size());
-    for (const Contact& c : relaxation.contacts) {
-      if (!fixed[c.id.i]) force.col(c.id.i) += c.force * c.normal;
-      if (!fixed[c.id.j]) force.col(c.id.j) -= c.force * c.normal;
-    }
-    Observables& o = relaxation.observables;
-    o.max_residual = force.cwiseAbs().maxCoeff();
-    o.relative_residual =
-        o.mean_force > 0.0 ? o.max_residual / o.mean_force : 0.0;
-  }
+  relaxation.observables = Measure(
+      relaxation.packing, relaxation.contacts, value, energy->options().fixed);
   relaxation.list_builds = energy->num_list_builds();
   return relaxation;
 }
