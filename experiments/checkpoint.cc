@@ -261,6 +261,19 @@ void Fields(A& a, T& s) {
   a("momentum_start", s.momentum_start);
 }
 
+template <typename A, typename T, IfSame<T, QuasistaticShearState> = true>
+void Fields(A& a, T& s) {
+  a("step", s.step);
+  a("strain", s.strain);
+  a("packing", s.packing);
+  a("energy", s.energy);
+  a("stress", s.stress);
+  a("relaxations", s.relaxations);
+  a("gave_up", s.gave_up);
+  a("counters", s.counters);
+  a("seconds", s.seconds);
+}
+
 // The object of a file, or false with what is wrong with it in `fault`.
 bool ReadOne(const std::string& path, Json* content, std::string* fault) {
   std::string text;
@@ -421,6 +434,10 @@ RelaxationState RelaxationStateOf(const Json& json) {
 
 Json ToJson(const FlowState& state) { return Written(state); }
 FlowState FlowStateOf(const Json& json) { return ReadFrom<FlowState>(json); }
+Json ToJson(const QuasistaticShearState& state) { return Written(state); }
+QuasistaticShearState ShearStateOf(const Json& json) {
+  return ReadFrom<QuasistaticShearState>(json);
+}
 
 void CatchStopSignals() {
   std::signal(SIGINT, NoteStop);

@@ -15,6 +15,7 @@
 
 #include "granular/flow/flow.h"
 #include "granular/jamming.h"
+#include "granular/quasistatic_shear.h"
 #include "granular/relaxation.h"
 #include "nlohmann/json.hpp"
 
@@ -75,6 +76,9 @@ RelaxationState RelaxationStateOf(const Json& json);
 // A flow after a step, exactly; the same.
 Json ToJson(const FlowState& state);
 FlowState FlowStateOf(const Json& json);
+// A quasistatic deformation between two steps, exactly; the same.
+Json ToJson(const QuasistaticShearState& state);
+QuasistaticShearState ShearStateOf(const Json& json);
 
 // From now on SIGINT and SIGTERM are noticed instead of ending the process;
 // the second one ends it.

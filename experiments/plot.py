@@ -32,6 +32,19 @@
     plot.py finite_size SIZES.csv OUT [--dimension=2]
             [--fit=PHI,ERROR,C,ERROR,EXPONENT]
         mean phi_J against the number of grains, and PHI - C N^-EXPONENT
+    plot.py scaling SCALING.csv OUT
+        what a grain costs against the number of grains (experiments/scaling.sh)
+    plot.py shear CURVES.csv|BANDS.csv OUT [--mode=pure|simple|bulk] [--first=phi]
+        of `shear`: stress and fabric against strain, a line an increment; of several
+        seeds the mean with its 20 and 80 % quantiles
+    plot.py event DIR OUT
+        of `shear --events`: the largest plastic event
+    plot.py events EVENTS.csv OUT
+        of `shear --events`: sizes of plastic events
+    plot.py walls DIR OUT
+        of `shear --mode=wall`: stresses of the wall, and how the grains follow it
+    plot.py dynamics DYNAMICS.csv OUT
+        of `shear --dynamics`: states of damped motion against those of a minimizer
     plot.py grain_cost GRAIN_COST.csv OUT
         what a grain costs against the number of grains (experiments/grain_cost.sh)
     plot.py laws STATES.csv OUT [--exponents=EXPONENTS.csv]
@@ -295,7 +308,14 @@ def Rattlers(packing, contacts):
   rattler = np.ones(len(packing.radii), bool)
   rattler[contacts.i[contacts.rigid]] = False
   rattler[contacts.j[contacts.rigid]] = False
-  return rattler
+  return rattler & ~Walls(packing)
+
+
+def Walls(packing):
+  """True for a grain of a wall, which need not be held by contacts."""
+  names, species = packing.species
+  return (species == names.index("wall") if "wall" in names
+          else np.zeros(len(species), bool))
 
 
 def MarkedRattlers(packing, contacts):
@@ -341,6 +361,10 @@ def Describe(packing, contacts):
   """`N = ...  phi = ...  p = ...  z = ...  rattlers`."""
   words = ["$N = %d$" % len(packing.radii),
            r"$\phi = %.5f$" % PackingFraction(packing)]
+  if Walls(packing).any():
+    # The cell is not what is filled.
+    return ["$N = %d$ and %d grains of walls" % (np.sum(~Walls(packing)),
+                                               np.sum(Walls(packing)))]
   if contacts is not None:
     rattlers = int(Rattlers(packing, contacts).sum())
     words.append("$p = %s$" % Scientific(Pressure(packing, contacts)))
@@ -3379,6 +3403,329 @@ def FlowThroughputFigure(arguments):
 # ---------------------------------------------------------------- output
 
 
+# ---------------------------------------------------------------- shear
+
+
+SHEAR_QUANTITIES = (
+    ("stress_iso", r"isotropic stress  $\sigma_{\mathrm{iso}}$"),
+    ("fabric_iso", r"isotropic fabric  $F_{\mathrm{iso}}$"),
+    ("stress_dev", r"deviatoric stress  $\sigma_{\mathrm{dev}}$"),
+    ("fabric_dev", r"deviatoric fabric  $F_{\mathrm{dev}}$"))
+STRAIN_LABELS = {
+    "pure": r"pure shear strain  $\gamma$ / %",
+    "simple": r"shear strain  $\gamma$ / %",
+    "bulk": r"volume strain  $V / V_0 - 1$ / %"}
+FIG8_HELP = (
+    "Half the sum and half the difference of the extreme eigenvalues of stress (10) and "
+    "fabric (2), as in Fig. 8 of Wang and Zhang; one line for each increment of strain.",
+    "Where the lines are one, the increment does not matter; after a rearrangement that "
+    "one of them takes differently they are curves of different packings.")
+BAND_HELP = ("Lines are means over the packings, bands reach from the 20 to the 80 % "
+             "quantile.",)
+
+
+def IncrementColours(increments):
+  order = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, INK, GREY)
+  finest_first = sorted(set(increments))
+  return {value: order[k % len(order)] for k, value in enumerate(finest_first)}
+
+
+def TimesTen(values):
+  """A power of ten to divide by, and how it is written on an axis."""
+  most = np.nanmax(np.abs(values)) if len(values) else 0.0
+  exponent = math.floor(math.log10(most)) if most > 0 else 0
+  if abs(exponent) <= 1:
+    return 1.0, ""
+  return 10.0**exponent, r" / $10^{%d}$" % exponent
+
+
+def StrainFigure(arguments):
+  path = arguments.table
+  quantities = (SHEAR_QUANTITIES if arguments.first == "stress_iso" else
+                (("phi", r"packing fraction  $\phi$"), *SHEAR_QUANTITIES[1:]))
+  names = [name for name, _ in quantities]
+  lines = ReadText(path).splitlines()
+  bands = bool(lines) and "stress_dev_low" in lines[0]
+  required = ["increment", "step", "strain", *names]
+  if bands:
+    required += ["curves"] + [name + end for name in names for end in ("_low", "_high")]
+  table = ReadTable(path, required)
+  if not len(table["strain"]):
+    raise InputError("%s: no rows" % path)
+  # A curve begins at its step 0.
+  starts = np.nonzero(table["step"] == 0)[0].tolist() or [0]
+  pieces = [slice(a, b) for a, b in zip(starts, starts[1:] + [len(table["step"])])]
+  colours = IncrementColours(table["increment"])
+  height = 7.4
+  figure, axes = plt.subplots(
+      2, 2, sharex=True, figsize=(10.6, height),
+      gridspec_kw=dict(left=0.09, right=0.98, top=1 - 0.62 / height,
+                       bottom=0.68 / height, wspace=0.24, hspace=0.09))
+  count = len(pieces)
+  for ax, (name, label) in zip(axes.flat, quantities):
+    unit, power = TimesTen(table[name])
+    for k, piece in enumerate(pieces):
+      colour = colours[table["increment"][piece][0]]
+      strain = 100 * table["strain"][piece]
+      # The finest, last, is wide and below; coarser ones dashed on top.
+      finest = k == count - 1
+      style = dict(linestyle="-" if finest else ((0, (6, 2)) if k % 2 else (0, (2, 1.5))),
+                   linewidth=2.4 if finest and count > 1 else 1.6)
+      ax.plot(strain, table[name][piece] / unit, color=colour, zorder=3 + (not finest),
+              **style)
+      if bands and finest:
+        ax.fill_between(strain, table[name + "_low"][piece] / unit,
+                        table[name + "_high"][piece] / unit, color=colour, alpha=0.16,
+                        linewidth=0, zorder=2)
+    ax.set_ylabel(label + power)
+    ax.margins(x=0.01)
+    ax.yaxis.set_major_locator(ticker.MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+  for ax in axes[1]:
+    ax.set_xlabel(STRAIN_LABELS[arguments.mode])
+    ax.xaxis.set_major_locator(ticker.MaxNLocator(6, steps=[1, 2, 5, 10]))
+  FinishPanels(axes)
+  figure.align_ylabels(axes[:, 0])
+  figure.align_ylabels(axes[:, 1])
+  handles = []
+  for k, piece in enumerate(pieces):
+    value = table["increment"][piece][0]
+    finest = k == count - 1
+    handles.append(Line2D(
+        [], [], color=colours[value], linewidth=2.4,
+        linestyle="-" if finest else ((0, (6, 2)) if k % 2 else (0, (2, 1.5))),
+        label=r"$\delta\gamma = %s$" % re.sub(r"\.?0*\\times", r"\\times",
+                                               Scientific(value))))
+  figure.legend(handles=handles, loc="upper center", ncol=min(5, len(handles)),
+                bbox_to_anchor=(0.535, 1.0), fontsize=13, handlelength=2.6,
+                borderaxespad=0.35)
+  if bands:
+    Help(figure, *BAND_HELP[:1], "%d packings." % int(table["curves"].max()), *FIG8_HELP)
+  else:
+    Help(figure, *FIG8_HELP)
+  return figure
+
+
+EVENT_HELP = (
+    "Left, what the grains do at fixed strain as the packing gives way. Right, from "
+    "above: the lowest eigenvalue of the Hessian on the branch against the strain that "
+    "is left (Hertz: the square root of a saddle-node; Hooke: the Hessian jumps as a "
+    "contact opens, and so does the eigenvalue); the energy on the straight way from "
+    "before to after; the angular harmonics of the radial displacement around the grain "
+    "that moves most, by distance from it: an elastic inclusion is m = 2.")
+
+
+def EventFigure(arguments):
+  folder = arguments.folder + "/"
+  packing = ReadPacking(folder + "event.xyz")
+  contacts = ReadContacts(folder + "event_contacts.csv", packing)
+  vectors = ReadVectors(folder + "event.xyz", "displacement", packing)
+  branch = ReadTable(folder + "event_branch.csv", ("strain_left", "lowest_eigenvalue"))
+  way = ReadTable(folder + "event_landscape.csv", ("t", "above_the_end"))
+  harmonics = ReadTable(folder + "event_harmonics.csv",
+                        ("inner", "outer", "m", "amplitude"))
+  side, foot = 6.4, 0.5
+  height, foot = Space(packing, side)
+  total_width, head = 12.4, 0.45
+  total = max(foot + height + head, 6.6)
+  figure = plt.figure(figsize=(total_width, total + 0.75))
+  lift = 0.75
+  view = View(figure, packing, 0.1, lift + foot, side, height)
+  if view.d == 2:
+    DrawFlat(view, contacts._replace(force=0 * contacts.force),
+             lambda: [DrawArrows(view, vectors)])
+  else:
+    DrawProjection(view, contacts._replace(force=0 * contacts.force))
+    DrawArrows(view, vectors)
+  Label(figure, 0.1 + side / 2, lift + foot + height + 0.2,
+        "     ".join(Describe(packing, contacts)), side, ha="center", fontsize=12)
+  Key(figure, view, contacts._replace(force=0 * contacts.force), lift + foot / 2)
+  # Key() centres on the figure; under the packing it belongs.
+  box = figure.artists[-1]
+  box.set_bbox_to_anchor(((0.1 + side / 2) / total_width,
+                          (lift + foot / 2) / (total + 0.75)), figure.transFigure)
+  left, right = 7.75 / total_width, 0.985
+  third = (total - 0.9) / 3
+  def Panel(k):
+    bottom = lift + 0.55 + (2 - k) * (third + 0.16)
+    return figure.add_axes([left, bottom / (total + 0.75), right - left,
+                            (third - 0.42) / (total + 0.75)])
+  ax = Panel(0)
+  x, y = branch["strain_left"], branch["lowest_eigenvalue"]
+  good = (x > 0) & (y > 0)
+  if good.any():
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.plot(x[good], y[good], "o-", color=BLUE, markersize=5)
+    low, high = Span(x[good])
+    Decades(ax.xaxis, low, high)
+    low, high = Span(y[good])
+    ax.set_ylim(10**low, 10**high)
+    Decades(ax.yaxis, low, high)
+    if good.sum() > 3:
+      end = x[good][-1], y[good][-1]
+      line = np.geomspace(x[good].min(), x[good].max(), 2)
+      ax.plot(line, end[1] * (line / end[0])**0.5, color=GREY, linestyle=(0, (5, 3)),
+              linewidth=1.2, scalex=False, scaley=False)
+  ax.set_xlabel("strain left", fontsize=12)
+  ax.set_ylabel(r"$\lambda_1 / \kappa$")
+  ax = Panel(1)
+  unit, power = TimesTen(way["above_the_end"])
+  ax.plot(way["t"], way["above_the_end"] / unit, color=VERMILION)
+  ax.set_xlabel("part of the way", fontsize=12)
+  ax.set_ylabel(r"$E - E_{\mathrm{after}}$" + power)
+  ax = Panel(2)
+  if len(harmonics["m"]):
+    shells = sorted(set(harmonics["inner"]))
+    width = 0.8 / len(shells)
+    unit, power = TimesTen(harmonics["amplitude"])
+    length = math.sqrt(abs(np.linalg.det(packing.cell)))
+    for k, inner in enumerate(shells):
+      of = harmonics["inner"] == inner
+      ax.bar(harmonics["m"][of] + (k - (len(shells) - 1) / 2) * width,
+             harmonics["amplitude"][of] / unit, width,
+             color=Mix(BLUE, "#FFFFFF", 0.22 * k),
+             label="%.2g" % ((inner + harmonics["outer"][of][0]) / 2 / length))
+    ax.set_ylabel("amplitude" + power)
+    ax.legend(title="distance / cell", fontsize=9, title_fontsize=9, ncol=2)
+  ax.set_xlabel("harmonic $m$", fontsize=12)
+  for ax in figure.axes[1:]:
+    ax.grid(True, color=PALE, linewidth=0.7)
+    ax.set_axisbelow(True)
+    ax.tick_params(which="both", top=True, right=True, labelsize=11)
+  figure.text(0.1 / total_width, 0.1 / (total + 0.75),
+              "\n".join(textwrap.wrap(EVENT_HELP, 168)), fontsize=9.5, color=GREY,
+              va="bottom", linespacing=1.25)
+  return figure
+
+
+def EventsFigure(arguments):
+  table = ReadTable(arguments.table, ("energy", "energy_drop", "stress_drop",
+                                      "participation", "strain_before"))
+  if not len(table["energy"]):
+    raise InputError("%s: no rows" % arguments.table)
+  figure, axes = plt.subplots(
+      1, 2, figsize=(10.6, 4.9),
+      gridspec_kw=dict(left=0.085, right=0.98, top=0.9, bottom=0.16, wspace=0.24))
+  drop = np.sort(table["energy_drop"] / table["energy"])
+  part = 1 - np.arange(len(drop)) / len(drop)
+  ax = axes[0]
+  ax.set_xscale("log")
+  ax.set_yscale("log")
+  ax.step(drop, part, where="post", color=BLUE, linewidth=2)
+  ax.plot(drop, part, ".", color=BLUE, markersize=4)
+  ax.set_xlabel(r"energy drop  $\Delta E / E$")
+  ax.set_ylabel("part of the events that are larger")
+  ax.set_title("%d events, median %s" % (len(drop), "$%s$" % Scientific(np.median(drop))),
+               loc="left", fontsize=12)
+  ax = axes[1]
+  ax.set_xscale("log")
+  ax.set_yscale("log")
+  falls = table["stress_drop"] > 0
+  for chosen, fill, label in ((falls, BLUE, "stress falls"),
+                              (~falls, "white", "stress rises")):
+    if chosen.any():
+      ax.scatter((table["energy_drop"] / table["energy"])[chosen],
+                 table["participation"][chosen], s=26, facecolor=fill,
+                 edgecolor=Mix(BLUE, INK, 0.3), linewidth=0.9, label=label)
+  ax.set_xlabel(r"energy drop  $\Delta E / E$")
+  ax.set_ylabel("participation of the grains")
+  ax.legend(fontsize=11, loc="lower right", frameon=True, framealpha=0.9)
+  FinishPanels(axes)
+  Help(figure, "Left, the cumulative distribution of the part of its energy that the "
+       "packing dissipates in an event at fixed strain. Right, how many grains take part "
+       "in it: 1 if all move alike, 1 / N' for a single one; open circles are events after "
+       "which the packing resists more than before.")
+  return figure
+
+
+def WallsFigure(arguments):
+  path = arguments.folder + "/walls.csv"
+  table = ReadTable(path, ("strain", "shear_stress", "normal_stress"))
+  profile = ReadTable(arguments.folder + "/profile.csv", ("height", "displacement"))
+  if not len(table["strain"]):
+    raise InputError("%s: no rows" % path)
+  figure, axes = plt.subplots(
+      1, 3, figsize=(12.4, 4.6), gridspec_kw=dict(
+          left=0.07, right=0.985, top=0.95, bottom=0.16, wspace=0.32))
+  for ax, name, label in ((axes[0], "shear_stress", r"wall shear stress  $\tau$"),
+                          (axes[1], "normal_stress", "wall normal stress  $p$")):
+    unit, power = TimesTen(table[name])
+    ax.plot(100 * table["strain"], table[name] / unit, color=BLUE)
+    ax.set_xlabel(STRAIN_LABELS["simple"])
+    ax.set_ylabel(label + power)
+  ax = axes[2]
+  ax.plot([0, 1], [0, 1], color=GREY, linestyle=(0, (5, 3)), linewidth=1.2)
+  ax.plot(profile["displacement"], profile["height"], "o-", color=VERMILION,
+          markersize=5)
+  ax.set_xlabel("displacement / that of the wall")
+  ax.set_ylabel("height / distance of the walls")
+  ax.set_ylim(0, 1)
+  FinishPanels(axes)
+  Help(figure, "What the grains exert on the upper wall, which moves along x, and, right, "
+       "how far the grains have followed it at the end: dashed if the shear were even.")
+  return figure
+
+
+def DynamicsFigure(arguments):
+  names = (("energy", "$E$"), ("pressure", "$p$"),
+           ("stress_dev", r"$\sigma_{\mathrm{dev}}$"),
+           ("fabric_iso", r"$F_{\mathrm{iso}}$"),
+           ("fabric_dev", r"$F_{\mathrm{dev}}$"), ("coordination", "$z$"))
+  table = ReadTable(arguments.table, ("seed", "load", "way", *(n for n, _ in names)),
+                    words=("load", "way"))
+  if not table["load"]:
+    raise InputError("%s: no rows" % arguments.table)
+  load, way = np.array(table["load"]), np.array(table["way"])
+  loads, ways = Unique(table["load"]), [w for w in Unique(table["way"])
+                                        if w != "minimizer"]
+  figure, axes = plt.subplots(
+      1, len(loads), sharey=True, squeeze=False, figsize=(1.2 + 3.8 * len(loads), 4.9),
+      gridspec_kw=dict(left=0.085, right=0.985, top=0.84, bottom=0.13, wspace=0.07))
+  colours = (BLUE, VERMILION, GREEN, ORANGE)
+  for ax, which in zip(axes[0], loads):
+    base = (load == which) & (way == "minimizer")
+    order = np.argsort(table["seed"][base])
+    ax.axhline(1, color=GREY, linestyle=(0, (5, 3)), linewidth=1.2, zorder=1)
+    for k, one in enumerate(ways):
+      chosen = (load == which) & (way == one)
+      mine = np.argsort(table["seed"][chosen])
+      for column, (name, _) in enumerate(names):
+        reference = table[name][base][order]
+        ratio = table[name][chosen][mine] / np.where(reference > 0, reference, np.nan)
+        x = column + (k - (len(ways) - 1) / 2) * 0.22
+        ax.plot(np.full(len(ratio), x), ratio, ".", color=Mix(colours[k % 4], "#FFFFFF", 0.5),
+                markersize=5, zorder=2)
+        error = np.nanstd(ratio, ddof=1) / math.sqrt(len(ratio)) if len(ratio) > 1 else 0
+        ax.errorbar([x], [np.nanmean(ratio)], yerr=[error], color=colours[k % 4],
+                    marker="o", markersize=6, capsize=3, zorder=4)
+    ax.set_title(which, fontsize=12.5, loc="left")
+    ax.set_xticks(range(len(names)))
+    ax.set_xticklabels([label for _, label in names], fontsize=11)
+    ax.set_yscale("log")
+    ax.yaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
+    ax.yaxis.set_minor_formatter(ticker.NullFormatter())
+  low, high = axes[0, 0].get_ylim()
+  # A stress that nearly vanishes says little by its ratio.
+  low = max(low, 0.05)
+  axes[0, 0].set_ylim(low, high)
+  choice = ((0.1, 0.2, 0.5, 1, 2, 5, 10) if high / low > 4 else
+            (0.5, 0.7, 0.8, 0.9, 1, 1.1, 1.2, 1.4, 2) if high / low > 1.1 else
+            (0.96, 0.98, 1, 1.02, 1.04))
+  axes[0, 0].yaxis.set_major_locator(
+      ticker.FixedLocator([t for t in choice if low <= t <= high]))
+  axes[0, 0].set_ylabel("ratio to the minimizer's")
+  FinishPanels(axes)
+  figure.legend(handles=[Line2D([], [], color=colours[k % 4], marker="o", linestyle="",
+                                markersize=7, label=one.replace("motion c=", "$c = ") + "$")
+                         for k, one in enumerate(ways)],
+                loc="upper center", ncol=len(ways), bbox_to_anchor=(0.535, 1.0),
+                fontsize=12.5, title=None)
+  Help(figure, "Damped Newtonian motion from rest, from the same start as the minimizer; "
+       "c in units of the root of stiffness times mass. Small points: single packings, "
+       "large ones their mean with its standard error.")
+  return figure
+
+
 def Save(figure, base):
   """OUT.svg and OUT.png: written aside, then renamed."""
   written = []
@@ -3527,6 +3874,28 @@ def Arguments(words):
   command.add_argument("response")
   command.add_argument("out")
   command.set_defaults(figure=FlowOscillatorFigure)
+  command = commands.add_parser("shear")
+  command.add_argument("table")
+  command.add_argument("out")
+  command.add_argument("--mode", choices=tuple(STRAIN_LABELS), default="pure")
+  command.add_argument("--first", choices=("stress_iso", "phi"), default="stress_iso")
+  command.set_defaults(figure=StrainFigure)
+  command = commands.add_parser("event")
+  command.add_argument("folder")
+  command.add_argument("out")
+  command.set_defaults(figure=EventFigure)
+  command = commands.add_parser("walls")
+  command.add_argument("folder")
+  command.add_argument("out")
+  command.set_defaults(figure=WallsFigure)
+  command = commands.add_parser("dynamics")
+  command.add_argument("table")
+  command.add_argument("out")
+  command.set_defaults(figure=DynamicsFigure)
+  command = commands.add_parser("events")
+  command.add_argument("table")
+  command.add_argument("out")
+  command.set_defaults(figure=EventsFigure)
   return parser.parse_args(words)
 
 

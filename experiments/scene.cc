@@ -14,10 +14,16 @@
 DEFINE_string(input,
               "",
               "extended XYZ file to start from (instead of a random start)");
-DEFINE_int32(particles,
-             1024,
-             "grains of a random start, half of them 1.4 times larger");
+DEFINE_int32(
+    particles,
+    1024,
+    "grains of a random start, half of them --size_ratio times larger");
 DEFINE_int32(dimension, 2, "dimension of a random start: 2 or 3");
+DEFINE_double(
+    size_ratio,
+    1.4,
+    "of a random start, radii of one half over those of the other; 1: "
+    "all alike");
 DEFINE_double(polydispersity,
               0.0,
               "w: every radius of a random start times a uniform factor in "
@@ -79,7 +85,8 @@ Scene MakeScene(double phi, std::uint64_t seed) {
 
   if (IsGiven("input") && FLAGS_input.empty()) BadInput("--input= is empty");
   if (!FLAGS_input.empty()) {
-    for (const char* flag : {"particles", "dimension", "polydispersity"}) {
+    for (const char* flag :
+         {"particles", "dimension", "polydispersity", "size_ratio"}) {
       if (IsGiven(flag)) {
         BadInput(std::string("--") + flag +
                  " describes a random start and cannot go with --input");
@@ -96,6 +103,8 @@ Scene MakeScene(double phi, std::uint64_t seed) {
     options.packing_fraction = phi;
     options.seed = seed;
     options.polydispersity = FLAGS_polydispersity;
+    CheckRange("size_ratio", FLAGS_size_ratio, 0.01, 100.0);
+    options.species[1].relative_radius = FLAGS_size_ratio;
     if (!GeneratePacking(options, &scene.packing, &error))
       BadInput("--" + error);
     scene.origin = "seed " + std::to_string(seed);

@@ -86,4 +86,19 @@ Box Box::Reduced(Eigen::Matrix3i* transform) const {
   return Box(h);
 }
 
+Box Box::Rounded() const {
+  const double most = edges_.cwiseAbs().maxCoeff();
+  if (!(most > 0.0) || !std::isfinite(most)) return *this;
+  constexpr int kBits = 50;
+  const int exponent = std::ilogb(most) - kBits;
+  SmallMatrix h = edges_;
+  for (int c = 0; c < h.cols(); ++c) {
+    for (int r = 0; r < h.rows(); ++r) {
+      h(r, c) =
+          std::ldexp(std::nearbyint(std::ldexp(h(r, c), -exponent)), exponent);
+    }
+  }
+  return Box(h);
+}
+
 }  // namespace granopt

@@ -59,6 +59,12 @@ class Box {
   // this cell.
   Box Reduced(Eigen::Matrix3i* transform) const;
 
+  // The cell with its entries rounded to multiples of 2^-50 times a power of
+  // two near the largest of them. Sums of such edges as long as they are
+  // themselves are exact: Reduced() then has the very same lattice, without
+  // roundoff.
+  Box Rounded() const;
+
  private:
   SmallMatrix edges_, inverse_;
   double volume_ = 0.0;

@@ -96,6 +96,11 @@ std::unique_ptr<ContactEnergy> ContactEnergy::Create(
     *error = "k = " + std::to_string(options.stiffness) + " must be positive";
     return nullptr;
   }
+  if (!options.fixed.empty() &&
+      static_cast<int>(options.fixed.size()) != packing.size()) {
+    *error = "a mask of fixed grains of another length";
+    return nullptr;
+  }
   if (packing.size() > std::numeric_limits<int>::max() / 64) {
     *error = std::to_string(packing.size()) + " grains are too many";
     return nullptr;
@@ -165,6 +170,7 @@ bool ContactEnergy::BuildList(const double* u, std::string* error) const {
     found = build();
   }
   if (found) {
+    RemoveFixedPairs();
     std::copy(u, u + NumParameters(), u_list_.begin());
     UpdateReferenceFromList();
     ++list_version_;
@@ -173,6 +179,43 @@ bool ContactEnergy::BuildList(const double* u, std::string* error) const {
   // Where the search was refused the list before it stays in use.
   if (list_version_ > 0) SetPairs();
   return found;
+}
+
+void ContactEnergy::RemoveFixedPairs() const {
+  if (options_.fixed.empty()) return;
+  int kept = 0;
+  for (int i = 0; i < num_grains_; ++i) {
+    const int first = list_.row_start[i];
+    list_.row_start[i] = kept;
+    for (int p = first; p < list_.row_start[i + 1]; ++p) {
+      if (options_.fixed[i] && options_.fixed[list_.j[p]]) continue;
+      list_.i[kept] = i;
+      list_.j[kept] = list_.j[p];
+      list_.image[kept] = list_.image[p];
+      ++kept;
+    }
+  }
+  list_.row_start[num_grains_] = kept;
+  list_.i.resize(kept);
+  list_.j.resize(kept);
+  list_.image.resize(kept);
+}
+
+void ContactEnergy::FixHessian(const double* first,
+                               SparseMatrix* hessian) const {
+  if (options_.fixed.empty()) return;
+  double most = 0.0;
+  for (int p = 0; p < list_.num_pairs(); ++p) most = std::max(most, first[p]);
+  if (!(most > 0.0)) most = 1.0;
+  const int d = dimension_;
+  for (int column = 0; column < NumParameters(); ++column) {
+    const bool is_fixed = options_.fixed[column / d];
+    for (int e = column_start_[column]; e < column_start_[column + 1]; ++e) {
+      if (is_fixed || options_.fixed[rows_[e] / d]) {
+        hessian->valuePtr()[e] = rows_[e] == column ? most : 0.0;
+      }
+    }
+  }
 }
 
 void ContactEnergy::SetPairs() const {
@@ -526,6 +569,13 @@ bool ContactEnergy::EvaluateWithScales(const double* u,
                                        Scales* scales) const {
   if (!Prepare(u)) return false;
   const ContactSums sums = Sweep(gradient);
+  for (int i = 0;
+       gradient != nullptr && !options_.fixed.empty() && i < num_grains_;
+       ++i) {
+    if (options_.fixed[i]) {
+      std::fill_n(gradient + dimension_ * i, dimension_, 0.0);
+    }
+  }
   *energy = sums.energy;
   if (sums.contacts > 0) {
     last_overlap_ = sums.overlap / static_cast<double>(sums.contacts);
@@ -603,7 +653,23 @@ bool ContactEnergy::HessianTimes(const double* u,
                                  double* hv) const {
   if (!Prepare(u)) return false;
   UpdateStates();
-  PairHessianTimes(dimension_, View(), states_, v, hv);
+  if (options_.fixed.empty()) {
+    PairHessianTimes(dimension_, View(), states_, v, hv);
+    return true;
+  }
+  std::vector<double> moved(v, v + NumParameters());
+  double most = 0.0;
+  for (int p = 0; p < list_.num_pairs(); ++p) {
+    most = std::max(most, states_.stiffness[p]);
+  }
+  if (!(most > 0.0)) most = 1.0;
+  for (int w = 0; w < NumParameters(); ++w) {
+    if (options_.fixed[w / dimension_]) moved[w] = 0.0;
+  }
+  PairHessianTimes(dimension_, View(), states_, moved.data(), hv);
+  for (int w = 0; w < NumParameters(); ++w) {
+    if (options_.fixed[w / dimension_]) hv[w] = most * v[w];
+  }
   return true;
 }
 
@@ -709,6 +775,7 @@ void ContactEnergy::WriteBlocks(const double* first,
                 theta,
                 {block_rank_.data(), column_start_.data(), has_shared_blocks_},
                 hessian->valuePtr());
+  FixHessian(first, hessian);
 }
 
 bool ContactEnergy::EvaluateStiffness(const double* u,
@@ -768,14 +835,14 @@ bool ContactEnergy::EvaluateGaps(const double* u, Gaps* gaps) const {
       *(row_end + 1) = *row_end;
       ++row_end;
       if (i == j) continue;  // an image moves with its grain
-      *row_end += 2 * d;
-      for (int k = 0; k < d; ++k) {
-        *column++ = d * i + k;
-        *value++ = -states_.normal[k][p];
-      }
-      for (int k = 0; k < d; ++k) {
-        *column++ = d * j + k;
-        *value++ = states_.normal[k][p];
+      for (const auto& [grain, sign] :
+           {std::make_pair(i, -1.0), std::make_pair(j, 1.0)}) {
+        if (IsFixed(grain)) continue;
+        *row_end += d;
+        for (int k = 0; k < d; ++k) {
+          *column++ = d * grain + k;
+          *value++ = sign * states_.normal[k][p];
+        }
       }
     }
   }

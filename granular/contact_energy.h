@@ -45,6 +45,10 @@ struct ContactEnergyOptions {
   double stiffness = 1.0;
   StiffnessRule rule = StiffnessRule::MEAN;
   Precision precision = Precision::DOUBLE;
+  // N, or empty: none. Grains that stay where they are: the function does not
+  // depend on their coordinates (no gradient; the Hessian is diagonal there),
+  // and two of them have no energy with each other.
+  std::vector<bool> fixed;
 };
 
 // A pair of grains that touch.
@@ -164,6 +168,14 @@ class ContactEnergy : public UnilateralFunction {
   bool HasLeftSkin(const double* u, double usable) const;
   void UpdateReferenceFromList() const;
   bool BuildList(const double* u, std::string* error) const;
+  // Without pairs of grains that are both fixed.
+  void RemoveFixedPairs() const;
+  // Rows and columns of fixed grains are those of a multiple of the unit
+  // matrix.
+  void FixHessian(const double* first, SparseMatrix* hessian) const;
+  bool IsFixed(int i) const {
+    return !options_.fixed.empty() && options_.fixed[i];
+  }
   // The arrays of PairView for the list as it is.
   void SetPairs() const;
   // Those that depend on the reference, of the precision in use; those of the

@@ -19,7 +19,9 @@ TensorParts SplitTensor(const SmallMatrix& tensor) {
 
 Observables Measure(const Packing& packing,
                     const std::vector<Contact>& contacts,
-                    double energy) {
+                    double energy,
+                    const std::vector<bool>& fixed) {
+  const auto is_fixed = [&fixed](int i) { return !fixed.empty() && fixed[i]; };
   const int n = packing.size();
   const int d = packing.dimension();
   const double volume = packing.box.Volume();
@@ -52,6 +54,9 @@ Observables Measure(const Packing& packing,
   o.shear_stress = -o.stress(0, 1);
   o.stress_parts = SplitTensor(o.stress);
   o.fabric_parts = SplitTensor(o.fabric);
+  for (int i = 0; i < n; ++i) {
+    if (is_fixed(i)) force.col(i).setZero();
+  }
   o.max_residual = force.cwiseAbs().maxCoeff();
   o.relative_residual =
       o.mean_force > 0.0 ? o.max_residual / o.mean_force : 0.0;
@@ -70,7 +75,7 @@ Observables Measure(const Packing& packing,
   std::vector<bool> alive(contacts.size(), true);
   std::vector<int> queue;
   for (int i = 0; i < n; ++i) {
-    if (degree[i] < d + 1) {
+    if (degree[i] < d + 1 && !is_fixed(i)) {
       o.is_rattler[i] = true;
       queue.push_back(i);
     }
@@ -85,7 +90,7 @@ Observables Measure(const Packing& packing,
       const int other =
           contacts[c].id.i == i ? contacts[c].id.j : contacts[c].id.i;
       --degree[other];
-      if (degree[other] < d + 1 && !o.is_rattler[other]) {
+      if (degree[other] < d + 1 && !o.is_rattler[other] && !is_fixed(other)) {
         o.is_rattler[other] = true;
         queue.push_back(other);
       }

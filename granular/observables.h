@@ -60,9 +60,13 @@ struct Observables {
 // Deviations: (14) is read as z = 2 N_c / N' (each contact counts for both of
 // its grains), since only then does it tend to the paper's z_0 = 4; and grains
 // with too few contacts are removed recursively, the paper removes them once.
+//
+// Grains that are `fixed` (N, or empty) need no contacts to be part of the
+// rigid part, and what holds them is no residual.
 Observables Measure(const Packing& packing,
                     const std::vector<Contact>& contacts,
-                    double energy);
+                    double energy,
+                    const std::vector<bool>& fixed = {});
 
 }  // namespace granopt
 

@@ -157,6 +157,14 @@ std::vector<Image> Packing::Wrap() {
   return moved_by;
 }
 
+bool Packing::Fold(Eigen::Matrix3i* transform) {
+  const Box reduced = box.Reduced(transform);
+  if (*transform == Eigen::Matrix3i::Identity()) return false;
+  box = reduced;
+  Wrap();
+  return true;
+}
+
 SmallMatrix SimpleShear(int dimension, double gamma) {
   SmallMatrix d = SmallMatrix::Identity(dimension, dimension);
   d(0, 1) = gamma;

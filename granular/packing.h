@@ -63,13 +63,21 @@ struct Packing {
   // coordinate. The same seed gives the same numbers on every machine.
   void Perturb(double amplitude, std::uint64_t seed);
 
-  // n^d copies side by side in a cell n times as long: the same structure, whose
-  // relaxations are free to break its period. Grain i of copy c is c size() + i.
+  // n^d copies side by side in a cell n times as long: the same structure,
+  // whose relaxations are free to break its period. Grain i of copy c is c
+  // size() + i.
   Packing Copies(int n) const;
 
   // Moves every grain into the cell (exactly, by lattice vectors); returns n_i
   // of x_i <- x_i - H n_i.
   std::vector<Image> Wrap();
+
+  // Gives the lattice its shortest edges, H -> H T with Box::Reduced(), and
+  // moves every grain into that cell: grains, contacts and forces stay what
+  // they are (exactly, if the cell is Box::Rounded()), only images have other
+  // names. Returns false, and changes nothing, if the edges are the shortest
+  // already; else T is written to `transform`.
+  bool Fold(Eigen::Matrix3i* transform);
 };
 
 // D = 1 + gamma e_1 (x) e_2 (sec. 2.3) and D = diag(1 + gamma, 1 / (1 + gamma))

@@ -57,8 +57,14 @@ bool Relax(const Packing& start,
     order = SpatialOrder(start);
     reordered = Reordered(start, order);
   }
-  const std::unique_ptr<ContactEnergy> energy = ContactEnergy::Create(
-      order.empty() ? start : reordered, energy_options, error);
+  ContactEnergyOptions options = energy_options;
+  if (!order.empty() && options.fixed.size() == order.size()) {
+    for (std::size_t k = 0; k < order.size(); ++k) {
+      options.fixed[k] = energy_options.fixed[order[k]];
+    }
+  }
+  const std::unique_ptr<ContactEnergy> energy =
+      ContactEnergy::Create(order.empty() ? start : reordered, options, error);
   if (energy == nullptr) return false;
   reordered = Packing();
   std::vector<double> u(energy->NumParameters(), 0.0);
@@ -67,6 +73,10 @@ bool Relax(const Packing& start,
   if (!order.empty()) {
     result->packing = Restored(result->packing, order);
     result->contacts = Restored(std::move(result->contacts), order);
+    const std::vector<bool> is_rattler = result->observables.is_rattler;
+    for (std::size_t k = 0; k < order.size(); ++k) {
+      result->observables.is_rattler[order[k]] = is_rattler[k];
+    }
   }
   return true;
 }
@@ -141,8 +151,8 @@ Relaxation Conclude(Summary summary, const double* u, ContactEnergy* energy) {
   }
   double value = 0.0;
   energy->EvaluateWithScales(u, &value, nullptr, nullptr);
-  relaxation.observables =
-      Measure(relaxation.packing, relaxation.contacts, value);
+  relaxation.observables = Measure(
+      relaxation.packing, relaxation.contacts, value, energy->options().fixed);
   relaxation.list_builds = energy->num_list_builds();
   return relaxation;
 }

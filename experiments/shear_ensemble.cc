@@ -1,0 +1,290 @@
+#include "experiments/shear_ensemble.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <sstream>
+
+#include "experiments/children.h"
+#include "experiments/scene.h"
+#include "experiments/shear_events.h"
+
+DECLARE_string(seeds);
+DECLARE_string(mode);
+DECLARE_double(pressure);
+
+namespace granopt {
+namespace {
+
+struct ShearMember {
+  std::uint64_t seed = 0;
+  bool complete = false, converged = false;
+  std::string failure;
+  std::vector<StrainRow> rows;
+  std::vector<EventRow> events;
+  bool has_events = false;
+};
+
+std::string NameOf(const ShearMember& member) {
+  return Format("seed%llu", static_cast<unsigned long long>(member.seed));
+}
+
+std::string ReadText(const std::string& path) {
+  std::ifstream file(path);
+  std::stringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+void ReadMember(const std::string& folder,
+                const Json& summary,
+                ShearMember* member) {
+  try {
+    summary.at("converged").get_to(member->converged);
+  } catch (const Json::exception& exception) {
+    member->failure = std::string("summary.json: ") + exception.what();
+    return;
+  }
+  if (!ParseCurves(
+          ReadText(folder + "/curves.csv"), &member->rows, &member->failure)) {
+    return;
+  }
+  const std::string events = ReadText(folder + "/events.csv");
+  member->has_events = !events.empty();
+  if (member->has_events) ParseEvents(events, &member->events);
+  member->complete = true;
+}
+
+double Quantile(const std::vector<double>& sorted, double part) {
+  const double at = part * static_cast<double>(sorted.size() - 1);
+  const std::size_t k = static_cast<std::size_t>(at);
+  if (k + 1 >= sorted.size()) return sorted.back();
+  return sorted[k] +
+         (at - static_cast<double>(k)) * (sorted[k + 1] - sorted[k]);
+}
+
+}  // namespace
+
+BandPoint MakeBand(std::vector<double> values) {
+  BandPoint point;
+  if (values.empty()) return point;
+  std::sort(values.begin(), values.end());
+  const double n = static_cast<double>(values.size());
+  double sum = 0.0;
+  for (const double v : values) sum += v - values[0];
+  point.mean = values[0] + sum / n;
+  double squares = 0.0;
+  for (const double v : values) squares += (v - point.mean) * (v - point.mean);
+  if (values.size() > 1) {
+    point.standard_error = std::sqrt(squares / (n - 1.0) / n);
+  }
+  point.low = Quantile(values, 0.2);
+  point.high = Quantile(values, 0.8);
+  return point;
+}
+
+std::string BandsCsv(const std::vector<std::vector<StrainRow>>& members) {
+  std::string csv = "increment,step,strain,curves";
+  for (const char* name : {"stress_iso",
+                           "stress_dev",
+                           "fabric_iso",
+                           "fabric_dev",
+                           "conjugate",
+                           "phi"}) {
+    csv += Format(",%s,%s_error,%s_low,%s_high", name, name, name, name);
+  }
+  csv += "\n";
+  if (members.empty()) return csv;
+  for (std::size_t k = 0; k < members[0].size(); ++k) {
+    const StrainRow& first = members[0][k];
+    std::vector<double> values[6];
+    for (const std::vector<StrainRow>& rows : members) {
+      if (k >= rows.size()) continue;
+      const StrainRow& r = rows[k];
+      values[0].push_back(r.stress_iso);
+      values[1].push_back(r.stress_dev);
+      values[2].push_back(r.fabric_iso);
+      values[3].push_back(r.fabric_dev);
+      values[4].push_back(r.conjugate);
+      values[5].push_back(r.phi);
+    }
+    csv += Format("%.17g,%d,%.17g,%zu",
+                  first.increment,
+                  first.step,
+                  first.strain,
+                  values[0].size());
+    for (const std::vector<double>& v : values) {
+      const BandPoint p = MakeBand(v);
+      csv += Format(
+          ",%.17g,%.9g,%.17g,%.17g", p.mean, p.standard_error, p.low, p.high);
+    }
+    csv += "\n";
+  }
+  return csv;
+}
+
+int RunShearEnsemble(const Ensemble& ensemble, bool has_particles) {
+  Output output;
+  output.Create(FLAGS_out,
+                {"summary.json",
+                 "bands.csv",
+                 "agreement.csv",
+                 "events.csv",
+                 "bands.svg",
+                 "bands.png",
+                 "events.svg",
+                 "events.png"});
+  std::vector<ShearMember> members;
+  std::vector<Child> children;
+  for (const std::uint64_t seed : ensemble.seeds) {
+    ShearMember member;
+    member.seed = seed;
+    Child child;
+    child.name = NameOf(member);
+    child.arguments = {
+        Format("--seed=%llu", static_cast<unsigned long long>(seed))};
+    // --particles does not go to the children of an ensemble by itself.
+    if (has_particles) {
+      child.arguments.push_back(Format("--particles=%d", FLAGS_particles));
+    }
+    child.arguments.insert(
+        child.arguments.end(), ensemble.passed.begin(), ensemble.passed.end());
+    children.push_back(child);
+    members.push_back(member);
+  }
+  std::printf("shear     %zu packings, %s: seeds %s; %d at a time\n",
+              members.size(),
+              FLAGS_mode.c_str(),
+              FLAGS_seeds.c_str(),
+              ensemble.jobs);
+  bool interrupted = false;
+  const std::vector<ChildResult> results = RunChildren("shear",
+                                                       children,
+                                                       ensemble.jobs,
+                                                       ensemble.resume,
+                                                       /*children_resume=*/true,
+                                                       output,
+                                                       &interrupted);
+  for (std::size_t k = 0; k < members.size(); ++k) {
+    members[k].failure = results[k].failure;
+    if (members[k].failure.empty()) {
+      ReadMember(
+          output.Path(children[k].name), results[k].summary, &members[k]);
+    }
+  }
+
+  std::vector<std::vector<StrainRow>> curves;
+  std::vector<EventRow> events;
+  std::string events_csv = "seed," + EventsCsv({});
+  bool all = true, has_events = false;
+  Json json;
+  json["packings"] = members.size();
+  json["interrupted"] = interrupted;
+  json["failures"] = Json::array();
+  std::vector<Agreement> mean_agreement;
+  int counted = 0;
+  for (ShearMember& member : members) {
+    all = all && member.complete && member.converged;
+    if (!member.complete) {
+      json["failures"].push_back(
+          {{"run", NameOf(member)}, {"line", member.failure}});
+      continue;
+    }
+    curves.push_back(member.rows);
+    const std::vector<Agreement> agreement = CompareIncrements(member.rows);
+    if (mean_agreement.empty()) mean_agreement.resize(agreement.size());
+    for (std::size_t k = 0; k < agreement.size(); ++k) {
+      Agreement& sum = mean_agreement[k];
+      sum.increment = agreement[k].increment;
+      sum.finest = agreement[k].finest;
+      sum.small_strain += agreement[k].small_strain;
+      sum.all += agreement[k].all;
+      sum.agrees_until += agreement[k].agrees_until;
+      sum.small_strain_fabric += agreement[k].small_strain_fabric;
+      sum.all_fabric += agreement[k].all_fabric;
+    }
+    ++counted;
+    has_events = has_events || member.has_events;
+    for (const EventRow& row : member.events) {
+      const std::string line = EventsCsv({row});
+      events_csv +=
+          Format("%llu,", static_cast<unsigned long long>(member.seed)) +
+          line.substr(line.find('\n') + 1);
+      events.push_back(row);
+    }
+  }
+  for (Agreement& a : mean_agreement) {
+    for (double* value : {&a.small_strain,
+                          &a.all,
+                          &a.agrees_until,
+                          &a.small_strain_fabric,
+                          &a.all_fabric}) {
+      *value /= counted;
+    }
+  }
+  json["complete"] = counted;
+  json["mode"] = FLAGS_mode;
+  json["agreement"] = AgreementJson(mean_agreement);
+  if (has_events) json["events"] = events.size();
+  json["schema"] = "granopt/shear_ensemble/1";
+  json["provenance"] = Provenance();
+  output.Write("bands.csv", BandsCsv(curves));
+  if (!mean_agreement.empty()) {
+    output.Write("agreement.csv", AgreementCsv(mean_agreement));
+  }
+  if (has_events) output.Write("events.csv", events_csv);
+  output.WriteJson("summary.json", json);
+  if (counted > 0) {
+    output.Plot(
+        {"shear",
+         output.Path("bands.csv"),
+         output.Path("bands"),
+         "--mode=" + FLAGS_mode,
+         Format("--first=%s", FLAGS_pressure > 0.0 ? "phi" : "stress_iso")},
+        {"bands.svg", "bands.png"});
+  }
+  if (events.size() > 3) {
+    output.Plot({"events", output.Path("events.csv"), output.Path("events")},
+                {"events.svg", "events.png"});
+  }
+  if (counted > 0) {
+    const std::vector<StrainRow>& rows = curves[0];
+    std::printf(
+        "\n    increment   strain   stress iso  stress dev             fabric "
+        "iso  fabric dev            (means and standard errors)\n");
+    for (std::size_t k = 0; k < rows.size(); ++k) {
+      const bool last = k + 1 == rows.size() || rows[k + 1].step == 0;
+      if (rows[k].step != 0 && !last) continue;
+      std::vector<double> values[4];
+      for (const std::vector<StrainRow>& one : curves) {
+        if (k >= one.size()) continue;
+        values[0].push_back(one[k].stress_iso);
+        values[1].push_back(one[k].stress_dev);
+        values[2].push_back(one[k].fabric_iso);
+        values[3].push_back(one[k].fabric_dev);
+      }
+      BandPoint p[4];
+      for (int q = 0; q < 4; ++q) p[q] = MakeBand(values[q]);
+      std::printf(
+          "    %9g   %6g   %10.4e  %10.4e +- %7.1e   %10.5f  %10.5f +- %7.1e\n",
+          rows[k].increment,
+          rows[k].strain,
+          p[0].mean,
+          p[1].mean,
+          p[1].standard_error,
+          p[2].mean,
+          p[3].mean,
+          p[3].standard_error);
+    }
+  }
+  std::printf("%s", AgreementTable(mean_agreement).c_str());
+  if (has_events) {
+    std::printf("  events        %zu in %d packings\n", events.size(), counted);
+  }
+  if (interrupted) std::printf("\ninterrupted: %d complete\n", counted);
+  output.PrintFiles();
+  return all && !interrupted ? kConverged : kNotConverged;
+}
+
+}  // namespace granopt

@@ -1,0 +1,350 @@
+#include "experiments/shear_events.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <sstream>
+
+#include "experiments/checkpoint.h"
+#include "granular/packing_io.h"
+
+namespace granopt {
+namespace {
+
+// More in one step are not looked for.
+constexpr int kMostInAStep = 100;
+constexpr int kLandscapePoints = 201;
+constexpr int kHarmonics = 7;
+
+EventRow RowOf(const PlasticEvent& event) {
+  EventRow row;
+  row.strain_before = event.strain_before;
+  row.strain_after = event.strain_after;
+  row.energy = event.before.observables.energy;
+  row.energy_drop = event.energy_drop;
+  row.stress_drop = event.stress_drop;
+  row.pressure_drop = event.pressure_drop;
+  row.participation = event.participation;
+  row.opened = event.contacts_opened;
+  row.closed = event.contacts_closed;
+  row.reversal_energy = event.reversal_energy;
+  row.reversal_displacement = event.reversal_displacement;
+  row.relaxations = event.relaxations;
+  return row;
+}
+
+// The packing with the displacement of each grain.
+std::string FormatDisplacement(const Packing& packing,
+                               const Eigen::MatrixXd& displacement) {
+  const std::string plain = FormatPacking(packing);
+  const int d = packing.dimension();
+  std::string out;
+  std::size_t at = 0;
+  for (int line = 0; line < packing.size() + 2; ++line) {
+    const std::size_t end = plain.find('\n', at);
+    std::string text = plain.substr(at, end - at);
+    at = end + 1;
+    if (line == 1) text.insert(text.find(" pbc="), ":displacement:R:3");
+    for (int k = 0; k < 3 && line > 1; ++k) {
+      text += k < d ? Format(" %.9g", displacement(k, line - 2)) : " 0";
+    }
+    out += text + "\n";
+  }
+  return out;
+}
+
+}  // namespace
+
+Json ToJson(const EventCatalogue& catalogue) {
+  return {{"rows", EventsCsv(catalogue.rows)},
+          {"searched", catalogue.searched},
+          {"elastic", catalogue.elastic},
+          {"relaxations", catalogue.relaxations},
+          {"unconverged", catalogue.unconverged},
+          {"largest", ToJson(catalogue.largest)},
+          {"largest_to", catalogue.largest_to},
+          {"largest_drop", catalogue.largest_drop}};
+}
+
+EventCatalogue EventCatalogueOf(const Json& json) {
+  EventCatalogue catalogue;
+  ParseEvents(json.at("rows").get<std::string>(), &catalogue.rows);
+  json.at("searched").get_to(catalogue.searched);
+  json.at("elastic").get_to(catalogue.elastic);
+  json.at("relaxations").get_to(catalogue.relaxations);
+  json.at("unconverged").get_to(catalogue.unconverged);
+  catalogue.largest = ShearStateOf(json.at("largest"));
+  json.at("largest_to").get_to(catalogue.largest_to);
+  json.at("largest_drop").get_to(catalogue.largest_drop);
+  return catalogue;
+}
+
+std::string EventsCsv(const std::vector<EventRow>& rows) {
+  std::string csv =
+      "strain_before,strain_after,energy,energy_drop,stress_drop,"
+      "pressure_drop,participation,contacts_opened,contacts_closed,"
+      "reversal_energy,reversal_displacement,relaxations\n";
+  for (const EventRow& r : rows) {
+    csv += Format(
+        "%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%d,%d,%.17g,%.17g,%d\n",
+        r.strain_before,
+        r.strain_after,
+        r.energy,
+        r.energy_drop,
+        r.stress_drop,
+        r.pressure_drop,
+        r.participation,
+        r.opened,
+        r.closed,
+        r.reversal_energy,
+        r.reversal_displacement,
+        r.relaxations);
+  }
+  return csv;
+}
+
+bool ParseEvents(const std::string& csv, std::vector<EventRow>* rows) {
+  rows->clear();
+  std::stringstream lines(csv);
+  std::string line;
+  std::getline(lines, line);
+  while (std::getline(lines, line)) {
+    EventRow r;
+    if (std::sscanf(line.c_str(),
+                    "%lf,%lf,%lf,%lf,%lf,%lf,%lf,%d,%d,%lf,%lf,%d",
+                    &r.strain_before,
+                    &r.strain_after,
+                    &r.energy,
+                    &r.energy_drop,
+                    &r.stress_drop,
+                    &r.pressure_drop,
+                    &r.participation,
+                    &r.opened,
+                    &r.closed,
+                    &r.reversal_energy,
+                    &r.reversal_displacement,
+                    &r.relaxations) != 12) {
+      return false;
+    }
+    rows->push_back(r);
+  }
+  return true;
+}
+
+bool NoteEvents(const QuasistaticShearState& before,
+                double to,
+                double threshold,
+                const PlasticEventOptions& options,
+                const Solver& solver,
+                EventCatalogue* catalogue,
+                std::string* error) {
+  PlasticEventOptions plain = options;
+  plain.follow_mode = false;
+  QuasistaticShearState state = before;
+  ++catalogue->searched;
+  for (int k = 0; k < kMostInAStep; ++k) {
+    PlasticEvent event;
+    if (!LocateEvent(
+            state.packing, state.strain, to, plain, solver, &event, error)) {
+      return false;
+    }
+    catalogue->relaxations += event.relaxations;
+    catalogue->unconverged += event.unconverged;
+    if (!event.found || !(event.energy_drop >
+                          0.1 * threshold * event.before.observables.energy)) {
+      if (k == 0) ++catalogue->elastic;
+      return true;
+    }
+    catalogue->rows.push_back(RowOf(event));
+    if (event.energy_drop > catalogue->largest_drop) {
+      catalogue->largest_drop = event.energy_drop;
+      catalogue->largest = state;
+      catalogue->largest_to = to;
+    }
+    state.packing = event.after.packing;
+    state.strain = event.strain_after;
+    state.energy = event.after.observables.energy;
+    state.stress = event.after.observables.stress;
+    if (std::abs(to - state.strain) <= options.width) return true;
+  }
+  return true;
+}
+
+std::vector<std::string> WithEventFiles(std::vector<std::string> names) {
+  names.insert(names.end(),
+               {"events.csv",
+                "event.xyz",
+                "event_contacts.csv",
+                "event_branch.csv",
+                "event_landscape.csv",
+                "event_harmonics.csv",
+                "event.svg",
+                "event.png",
+                "events.svg",
+                "events.png"});
+  return names;
+}
+
+std::string PublishEvents(const EventCatalogue& catalogue,
+                          const PlasticEventOptions& options,
+                          const Solver& solver,
+                          Output* output,
+                          Json* json) {
+  output->Write("events.csv", EventsCsv(catalogue.rows));
+  Json& summary = (*json)["events"];
+  summary["found"] = catalogue.rows.size();
+  summary["steps_searched"] = catalogue.searched;
+  summary["steps_without"] = catalogue.elastic;
+  summary["relaxations"] = catalogue.relaxations;
+  summary["unconverged"] = catalogue.unconverged;
+  double worst_energy = 0.0, worst_displacement = 0.0;
+  int reversible = 0;
+  for (const EventRow& row : catalogue.rows) {
+    worst_energy = std::max(worst_energy, row.reversal_energy);
+    worst_displacement =
+        std::max(worst_displacement, row.reversal_displacement);
+    reversible += row.reversal_energy < 1e-8 ? 1 : 0;
+  }
+  summary["reversible_branches"] = reversible;
+  summary["worst_reversal_energy"] = worst_energy;
+  std::string text = Format(
+      "\n  events        %zu, in %d of %d steps that were searched (%d "
+      "relaxations%s); the others only change contacts\n",
+      catalogue.rows.size(),
+      catalogue.searched - catalogue.elastic,
+      catalogue.searched,
+      catalogue.relaxations,
+      catalogue.unconverged > 0
+          ? Format(", %d of them stopped after %lld evaluations",
+                   catalogue.unconverged,
+                   static_cast<long long>(options.solve.max_evaluations))
+                .c_str()
+          : "");
+  if (catalogue.rows.empty()) return text;
+  text += Format(
+      "  reversible    %d of %zu branches that end in one: sheared back their "
+      "energy is the same to 1e-8 (worst %.1e)\n",
+      reversible,
+      catalogue.rows.size(),
+      worst_energy);
+
+  PlasticEvent event;
+  std::string error;
+  if (!LocateEvent(catalogue.largest.packing,
+                   catalogue.largest.strain,
+                   catalogue.largest_to,
+                   options,
+                   solver,
+                   &event,
+                   &error)) {
+    BadInput(error);
+  }
+  const Packing& packing = event.before.packing;
+  const int d = packing.dimension();
+  output->Write("event.xyz", FormatDisplacement(packing, event.displacement));
+  output->Write("event_contacts.csv", ContactsCsv(event.before));
+  std::string csv = "strain,strain_left,energy,stress,lowest_eigenvalue\n";
+  for (const BranchPoint& point : event.branch) {
+    csv += Format("%.17g,%.17g,%.17g,%.17g,%.17g\n",
+                  point.strain,
+                  std::abs(event.strain_after - point.strain),
+                  point.energy,
+                  point.stress,
+                  point.lowest_eigenvalue);
+  }
+  output->Write("event_branch.csv", csv);
+  std::vector<double> energy;
+  if (!EnergyAlong(event, options, kLandscapePoints, &energy, &error)) {
+    BadInput(error);
+  }
+  csv = "t,energy,above_the_end\n";
+  const double end = event.after.observables.energy;
+  for (int p = 0; p < kLandscapePoints; ++p) {
+    csv += Format("%.6g,%.17g,%.17g\n",
+                  static_cast<double>(p) / (kLandscapePoints - 1),
+                  energy[p],
+                  energy[p] - end);
+  }
+  output->Write("event_landscape.csv", csv);
+  // Around the grain that moves most, in shells of equal width.
+  int centre = 0;
+  event.displacement.colwise().squaredNorm().maxCoeff(&centre);
+  Json one;
+  one["strain"] = event.strain_after;
+  one["width"] = std::abs(event.strain_after - event.strain_before);
+  one["energy_drop"] = event.energy_drop;
+  one["relative_energy_drop"] =
+      event.energy_drop / event.before.observables.energy;
+  one["stress_drop"] = event.stress_drop;
+  one["pressure_drop"] = event.pressure_drop;
+  one["participation"] = event.participation;
+  one["contacts_opened"] = event.contacts_opened;
+  one["contacts_closed"] = event.contacts_closed;
+  one["centre"] = centre;
+  one["lowest_eigenvalue"] = event.branch.back().lowest_eigenvalue;
+  one["lowest_eigenvalue_at_start"] = event.branch.front().lowest_eigenvalue;
+  one["reversal_energy"] = event.reversal_energy;
+  one["reversal_displacement"] = event.reversal_displacement;
+  std::string harmonics_line;
+  csv = "inner,outer,m,amplitude\n";
+  if (d == 2) {
+    const double length = packing.box.Length();
+    for (int shell = 0; shell < 4; ++shell) {
+      const double inner = 0.05 * length + 0.1 * length * shell;
+      const std::vector<double> a = RadialHarmonics(packing,
+                                                    event.displacement,
+                                                    centre,
+                                                    inner,
+                                                    inner + 0.1 * length,
+                                                    kHarmonics);
+      for (int m = 0; m < kHarmonics; ++m) {
+        csv +=
+            Format("%.6g,%.6g,%d,%.9g\n", inner, inner + 0.1 * length, m, a[m]);
+      }
+    }
+    const std::vector<double> a = RadialHarmonics(packing,
+                                                  event.displacement,
+                                                  centre,
+                                                  0.15 * length,
+                                                  0.45 * length,
+                                                  kHarmonics);
+    double others = 0.0;
+    for (int m = 0; m < kHarmonics; ++m) {
+      if (m != 2) others = std::max(others, a[m]);
+    }
+    one["quadrupole"] = a[2];
+    one["largest_other_harmonic"] = others;
+    harmonics_line = Format(
+        "                around its centre: radial displacement cos(2 theta) "
+        "%.2g times the largest other of m = 0 ... %d\n",
+        others > 0.0 ? a[2] / others : 0.0,
+        kHarmonics - 1);
+  }
+  output->Write("event_harmonics.csv", csv);
+  summary["largest"] = one;
+  text += Format(
+      "  largest       at strain %.12f (to %.1e): energy falls by %.3g of "
+      "itself, stress by %.3g;\n                %d contacts open, %d close; "
+      "participation %.2g\n%s"
+      "                lowest eigenvalue %.2e kappa at the beginning of the "
+      "step, %.2e at the end of the branch\n",
+      event.strain_after,
+      std::abs(event.strain_after - event.strain_before),
+      event.energy_drop / event.before.observables.energy,
+      event.stress_drop,
+      event.contacts_opened,
+      event.contacts_closed,
+      event.participation,
+      harmonics_line.c_str(),
+      event.branch.front().lowest_eigenvalue,
+      event.branch.back().lowest_eigenvalue);
+  output->Plot({"event", output->folder(), output->Path("event")},
+               {"event.svg", "event.png"});
+  if (catalogue.rows.size() > 3) {
+    output->Plot({"events", output->Path("events.csv"), output->Path("events")},
+                 {"events.svg", "events.png"});
+  }
+  return text;
+}
+
+}  // namespace granopt
