@@ -168,10 +168,6 @@ std::string EndOf(const RunRecord& run) {
   return run.stop_reason;
 }
 
-double Median(const std::vector<double>& values) {
-  return QuantilesOf(values).median;
-}
-
 // "1", "1-3", "1, 3".
 std::string Numbers(const std::set<int>& numbers) {
   if (numbers.size() > 2 && *numbers.rbegin() - *numbers.begin() + 1 ==
@@ -1004,6 +1000,10 @@ Quantiles QuantilesOf(std::vector<double> values) {
   return result;
 }
 
+double MedianOf(std::vector<double> values) {
+  return QuantilesOf(std::move(values)).median;
+}
+
 const PaperEntry* PaperTable1(const std::string& kind,
                               const std::string& label) {
   struct Row {
@@ -1112,11 +1112,11 @@ std::vector<Table> Tabulate(const ComparisonSetup& setup,
         row.linear_iterations = QuantilesOf(linear_iterations);
         row.cpu_seconds = QuantilesOf(seconds);
         row.ratio = QuantilesOf(ratios);
-        row.function_share = Median(function_shares);
-        row.linear_share = Median(linear_shares);
-        row.spent_iterations = Median(spent_iterations);
-        row.spent_evaluations = Median(spent_evaluations);
-        row.spent_seconds = Median(spent_seconds);
+        row.function_share = MedianOf(function_shares);
+        row.linear_share = MedianOf(linear_shares);
+        row.spent_iterations = MedianOf(spent_iterations);
+        row.spent_evaluations = MedianOf(spent_evaluations);
+        row.spent_seconds = MedianOf(spent_seconds);
         row.residual = residuals.empty() ? kNan
                                          : *std::max_element(residuals.begin(),
                                                              residuals.end());
@@ -1124,7 +1124,7 @@ std::vector<Table> Tabulate(const ComparisonSetup& setup,
         row.end = Tally(ends);
         table.rows.push_back(row);
       }
-      if (!distances.empty()) table.distance = Median(distances);
+      if (!distances.empty()) table.distance = MedianOf(distances);
       tables.push_back(table);
     }
   }
@@ -1156,8 +1156,8 @@ Problems CollectProblems(const ComparisonSetup& setup,
           }
           // Not run: such a problem is left out.
           if (counts.empty()) break;
-          evaluations.push_back(Median(counts));
-          seconds.push_back(Median(times));
+          evaluations.push_back(MedianOf(counts));
+          seconds.push_back(MedianOf(times));
           const RunRecord* first =
               index.Find(c.id, method.label, seed, step, 1);
           energies.push_back(first == nullptr ? kNan : first->energy);
@@ -1176,7 +1176,7 @@ Problems CollectProblems(const ComparisonSetup& setup,
 
 MedianWorst MedianAndWorst(const std::vector<double>& values) {
   if (values.empty()) return {kNan, kNan};
-  return {Median(values), *std::max_element(values.begin(), values.end())};
+  return {MedianOf(values), *std::max_element(values.begin(), values.end())};
 }
 
 MeanDeviation MeanAndDeviation(const std::vector<double>& values) {
@@ -1278,7 +1278,7 @@ StepRow MakeStepRow(const ComparisonSetup& setup,
     ++row.steps;
     row.failed += failed ? 1 : 0;
     row.unjammed += unjammed ? 1 : 0;
-    for (int k = 0; k < kColumns; ++k) columns[k].push_back(Median(values[k]));
+    for (int k = 0; k < kColumns; ++k) columns[k].push_back(MedianOf(values[k]));
 
     const RunRecord* run = index.Find(c.id, method.label, seed, step, 1);
     End reference;
@@ -1373,7 +1373,7 @@ std::vector<StepTable> TabulateSteps(const ComparisonSetup& setup,
         StepTable table;
         table.table_case = c;
         table.level = level;
-        table.distance = distances.empty() ? 0.0 : Median(distances);
+        table.distance = distances.empty() ? 0.0 : MedianOf(distances);
         table.kind = only_plain ? kNonRearranging : "all";
         table.steps = static_cast<int>(chosen.size());
         for (const Method& method : setup.methods) {
@@ -1589,13 +1589,13 @@ std::string StepTablesText(const ComparisonSetup& setup,
                                                : std::to_string(count[kind]));
       }
       rows.back().push_back(
-          Format("%.0e (%.0e)", Median(apart), MedianAndWorst(apart).worst));
-      rows.back().push_back(Count(Median(contacts)));
+          Format("%.0e (%.0e)", MedianOf(apart), MedianAndWorst(apart).worst));
+      rows.back().push_back(Count(MedianOf(contacts)));
       rows.back().push_back(
           WithWorst(MedianAndWorst(changed), {kNan, kNan}, Count));
       rows.back().push_back(
           Format("%.1e (%.0e, %.0e)",
-                 Median(pressure),
+                 MedianOf(pressure),
                  *std::min_element(pressure.begin(), pressure.end()),
                  *std::max_element(pressure.begin(), pressure.end())));
     }

@@ -326,6 +326,7 @@ struct Quantiles {
 // Of values that may be infinite (a run that never got there); linear between
 // neighbours. NaN without values.
 Quantiles QuantilesOf(std::vector<double> values);
+double MedianOf(std::vector<double> values);
 // "2015", "2015 (1980-2100)"; ">5000" (spent) if the median run never got
 // there.
 std::string Spread(const Quantiles& q,

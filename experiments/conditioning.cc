@@ -307,16 +307,6 @@ Rows ReadAll(const std::string& folder) {
 
 // ---------------------------------------------------------------- tables
 
-double Median(std::vector<double> values) {
-  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-  std::sort(values.begin(), values.end());
-  const std::size_t half = values.size() / 2;
-  if (values.size() % 2 == 1 || !std::isfinite(values[half])) {
-    return values[half];
-  }
-  return 0.5 * (values[half - 1] + values[half]);
-}
-
 std::string Short(double value) {
   if (std::isnan(value)) return "-";
   if (std::isinf(value)) return "inf";
@@ -379,7 +369,7 @@ std::string ConditionTable(const Rows& rows,
           numbers.push_back(outside ? r.below + r.above : r.number);
         }
       }
-      const double middle = Median(numbers);
+      const double middle = MedianOf(numbers);
       line.push_back(
           numbers.empty() ? "-"
           : outside
@@ -438,18 +428,18 @@ std::string ChangeTable(const Rows& rows, const std::string& shear) {
     const auto percent = [](double value) {
       return std::isnan(value) ? "-" : Format("%.2g %%", value);
     };
-    const double median_first = Median(first);
+    const double median_first = MedianOf(first);
     cells.push_back({Neat(distance),
-                     Count(Median(contacts)),
-                     Count(Median(deformed)),
-                     Count(Median(predicted)),
-                     Count(Median(opened)),
-                     Count(Median(closed)),
-                     percent(Median(part)),
-                     Count(Median(newton)),
-                     percent(Median(newton_part)),
+                     Count(MedianOf(contacts)),
+                     Count(MedianOf(deformed)),
+                     Count(MedianOf(predicted)),
+                     Count(MedianOf(opened)),
+                     Count(MedianOf(closed)),
+                     percent(MedianOf(part)),
+                     Count(MedianOf(newton)),
+                     percent(MedianOf(newton_part)),
                      std::isinf(median_first) ? "never" : Short(median_first),
-                     Median(shift) == 0.0 ? "none" : Short(Median(shift)),
+                     MedianOf(shift) == 0.0 ? "none" : Short(MedianOf(shift)),
                      Format("%d of %d", rearranging, steps) +
                          (lost > 0 ? Format(", %d not relaxed", lost) : "")});
   }
@@ -882,7 +872,7 @@ Json SummaryJson(const Plan& plan,
              {"preconditioner", method.label},
              {"distance", distance},
              {"packings", numbers.size()},
-             {"median", NumberOrNull(Median(numbers))},
+             {"median", NumberOrNull(MedianOf(numbers))},
              {"worst",
               NumberOrNull(
                   *std::max_element(numbers.begin(), numbers.end()))}});

@@ -4,7 +4,8 @@
 //   extremes --out=DIR --jobs=2 --resume [--only=distance_1e-8,overflow]
 //            [--solvers="auto;lbfgs;..."] [--large] [--smoke]
 //   extremes --extreme=distance_1e-8 --solver=fire --out=DIR     one cell
-//   extremes --list
+//   extremes --flow            flows, by each stepper (near-field flow)
+//   extremes [--flow] --list
 //
 // Each cell is a process of its own, bounded in evaluations and seconds: one
 // that crashes or hangs is a cell, too. What a run claims is judged by a
@@ -22,6 +23,7 @@
 
 #include "experiments/children.h"
 #include "experiments/comparison.h"
+#include "experiments/extreme_flows.h"
 #include "experiments/extreme_scenes.h"
 #include "experiments/run.h"
 #include "experiments/scene.h"
@@ -32,6 +34,9 @@
 
 DECLARE_string(solver);
 
+DEFINE_bool(flow,
+            false,
+            "flows with each stepper instead of packings with each method");
 DEFINE_bool(list, false, "print the extremes and exit");
 DEFINE_string(extreme, "", "run this one only, with --solver, in this process");
 DEFINE_string(only, "", "run these, separated by commas");
@@ -180,6 +185,56 @@ Json ResultJson(const Result& r) {
 
 // ------------------------------------------------------------ one cell
 
+// What a flow may lose or gain by its integrator, of the energy that is turned
+// over, and still count as passed.
+constexpr double kNumerical = 0.05;
+
+void Publish(const Result& result, Output* output) {
+  Json json = ResultJson(result);
+  json["schema"] = "granopt/extreme/1";
+  json["provenance"] = Provenance();
+  output->WriteJson("summary.json", json);
+  std::printf("%s, %s: %s (residual %.1e)\n  %s\n",
+              result.extreme.c_str(),
+              result.solver.c_str(),
+              NameOf(result.cell),
+              result.residual,
+              result.why.c_str());
+  output->PrintFiles();
+}
+
+int RunFlowCell() {
+  alarm(static_cast<unsigned>(3.0 * FLAGS_max_seconds) + 30u);
+  FlowRun run;
+  std::string error;
+  if (!RunExtremeFlow(
+          FLAGS_extreme, FLAGS_solver, FLAGS_max_seconds, &run, &error)) {
+    BadInput("--extreme: " + error);
+  }
+  Result result;
+  result.extreme = FLAGS_extreme;
+  result.solver = FLAGS_solver;
+  result.why = run.message;
+  result.evaluations = run.sweeps;
+  result.seconds = run.seconds;
+  result.residual = run.numerical;
+  if (run.refused) {
+    result.cell = run.finite || run.sweeps == 0 ? Cell::REFUSED : Cell::LOST;
+  } else if (!run.finite) {
+    result.cell = Cell::LOST;
+  } else if (!(run.closure <= 1e-9)) {
+    // The ledger says what it does not keep.
+    result.cell = Cell::WRONG;
+  } else {
+    result.cell = run.finished && run.numerical <= kNumerical ? Cell::PASSED
+                                                              : Cell::DEGRADED;
+  }
+  Output output;
+  output.Create(FLAGS_out, {"summary.json"});
+  Publish(result, &output);
+  return result.cell <= Cell::STATIONARY ? kConverged : kNotConverged;
+}
+
 int RunCell() {
   const std::unique_ptr<Solver> solver = MakeSolver("solver", FLAGS_solver);
   // Whatever hangs, this ends it: the parent calls that hung.
@@ -212,26 +267,20 @@ int RunCell() {
     output.WritePacking("start.xyz", start.packing);
     output.WritePacking("packing.xyz", Annotated(run, start.energy));
   }
-  Json json = ResultJson(result);
-  json["schema"] = "granopt/extreme/1";
-  json["provenance"] = Provenance();
-  output.WriteJson("summary.json", json);
-  std::printf("%s, %s: %s (residual %.1e)\n  %s\n",
-              FLAGS_extreme.c_str(),
-              FLAGS_solver.c_str(),
-              NameOf(result.cell),
-              result.residual,
-              result.why.c_str());
-  output.PrintFiles();
+  Publish(result, &output);
   return result.cell <= Cell::STATIONARY ? kConverged : kNotConverged;
 }
 
 // ------------------------------------------------------------ the matrix
 
+const std::vector<ExtremeScene>& AllScenes() {
+  return FLAGS_flow ? ExtremeFlows() : ExtremeScenes();
+}
+
 std::vector<ExtremeScene> Chosen() {
   std::vector<ExtremeScene> chosen;
   if (FLAGS_only.empty()) {
-    for (const ExtremeScene& scene : ExtremeScenes()) {
+    for (const ExtremeScene& scene : AllScenes()) {
       if (scene.large && !FLAGS_large) continue;
       if (FLAGS_smoke && !scene.smoke) continue;
       chosen.push_back(scene);
@@ -244,10 +293,10 @@ std::vector<ExtremeScene> Chosen() {
     const std::string name = rest.substr(0, comma);
     rest = rest.substr(comma + 1);
     const auto found = std::find_if(
-        ExtremeScenes().begin(),
-        ExtremeScenes().end(),
+        AllScenes().begin(),
+        AllScenes().end(),
         [&name](const ExtremeScene& scene) { return scene.name == name; });
-    if (found == ExtremeScenes().end()) {
+    if (found == AllScenes().end()) {
       BadInput("--only: unknown extreme '" + name + "' (--list names them)");
     }
     chosen.push_back(*found);
@@ -287,10 +336,16 @@ int RunMatrix() {
   const std::vector<ExtremeScene> scenes = Chosen();
   std::vector<Method> methods;
   std::string error;
-  if (!ParseMethods(FLAGS_solvers, &methods, &error)) {
+  if (FLAGS_flow) {
+    for (const std::string& name : FlowSteppers()) {
+      methods.push_back({name, name});
+    }
+  } else if (!ParseMethods(FLAGS_solvers, &methods, &error)) {
     BadInput("--solvers: " + error);
   }
-  for (const Method& method : methods) MakeSolver("solvers", method.spec);
+  for (const Method& method : methods) {
+    if (!FLAGS_flow) MakeSolver("solvers", method.spec);
+  }
   CheckRange("jobs", FLAGS_jobs, 1, 1024);
   CheckPositive("tolerance", FLAGS_tolerance);
   CheckPositive("max_seconds", FLAGS_max_seconds);
@@ -330,14 +385,21 @@ int RunMatrix() {
       children.push_back(child);
     }
   }
-  std::printf(
-      "extremes  %zu extremes, %zu methods, to %g mean forces, at most "
-      "%lld evaluations and %g s each\n",
-      scenes.size(),
-      methods.size(),
-      FLAGS_tolerance,
-      static_cast<long long>(FLAGS_max_evaluations),
-      FLAGS_max_seconds);
+  if (FLAGS_flow) {
+    std::printf("extremes  %zu flows, %zu steppers, at most %g s each\n",
+                scenes.size(),
+                methods.size(),
+                FLAGS_max_seconds);
+  } else {
+    std::printf(
+        "extremes  %zu extremes, %zu methods, to %g mean forces, at most %lld "
+        "evaluations and %g s each\n",
+        scenes.size(),
+        methods.size(),
+        FLAGS_tolerance,
+        static_cast<long long>(FLAGS_max_evaluations),
+        FLAGS_max_seconds);
+  }
   bool interrupted = false;
   const std::vector<ChildResult> outcomes = RunChildren("extremes",
                                                         children,
@@ -403,10 +465,16 @@ int RunMatrix() {
       {"extremes", output.Path("extremes.csv"), output.Path("extremes")},
       {"extremes.svg", "extremes.png"});
   std::printf("\n%s\n", Grid(rows, 0, false).c_str());
-  std::printf(
-      "  ok: a certified strict minimum, or E = 0; stationary: converged, not "
-      "certified;\n  a number: ended with that residual, in mean forces, and "
-      "says so\n\n");
+  std::fputs(
+      FLAGS_flow
+          ? "  ok: reached its end, every number finite, energy and work agree "
+            "to 1e-9;\n  a number: the part of the energy turned over that the "
+            "integrator made or lost, or out of time\n\n"
+          : "  ok: a certified strict minimum, or E = 0; stationary: "
+            "converged, "
+            "not certified;\n  a number: ended with that residual, in mean "
+            "forces, and says so\n\n",
+      stdout);
   for (const CellName& entry : kCells) {
     std::printf("  %-10s %d\n", entry.name, count[entry.cell]);
   }
@@ -420,7 +488,7 @@ int RunMatrix() {
 int Main() {
   if (FLAGS_list) {
     std::string group;
-    for (const ExtremeScene& scene : ExtremeScenes()) {
+    for (const ExtremeScene& scene : AllScenes()) {
       if (scene.group != group) std::printf("%s\n", scene.group.c_str());
       group = scene.group;
       std::printf("  %-26s %s%s\n",
@@ -437,7 +505,8 @@ int Main() {
       gflags::SetCommandLineOption("max_seconds", "5");
     }
   }
-  return FLAGS_extreme.empty() ? RunMatrix() : RunCell();
+  if (FLAGS_extreme.empty()) return RunMatrix();
+  return FLAGS_flow ? RunFlowCell() : RunCell();
 }
 
 }  // namespace

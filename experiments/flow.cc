@@ -7,7 +7,6 @@
 
 #include "experiments/flow.h"
 
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -132,13 +131,6 @@ MeanSpread Statistics(const std::vector<double>& values) {
   }
   if (values.size() > 1) result.deviation = std::sqrt(sum / (n - 1.0));
   return result;
-}
-
-double CpuSeconds() {
-  rusage usage;
-  getrusage(RUSAGE_SELF, &usage);
-  return usage.ru_utime.tv_sec + 1e-6 * usage.ru_utime.tv_usec +
-         usage.ru_stime.tv_sec + 1e-6 * usage.ru_stime.tv_usec;
 }
 
 FlowCase MakePaperCase(const Strength& strength,

@@ -48,9 +48,6 @@ struct MeanSpread {
 };
 MeanSpread Statistics(const std::vector<double>& values);
 
-// CPU seconds of this process so far.
-double CpuSeconds();
-
 }  // namespace granopt
 
 #endif  // GRANOPT_EXPERIMENTS_FLOW_H_

@@ -57,6 +57,8 @@
         of `tradeoff`: the error of what users want against CPU time
     plot.py phi_j JAMMING.csv OUT
         of `tradeoff`: what sharper jamming points cost
+    plot.py fidelity FIDELITY.csv OUT [--accuracy=0.05]
+        of `fidelity`: what each ingredient costs, and what leaving it out changes
     plot.py extremes EXTREMES.csv OUT
         of `extremes`: what became of every method at every extreme
     plot.py distributions FORCES.csv GAPS.csv DISTRIBUTIONS.csv OUT
@@ -2666,6 +2668,11 @@ CELLS = (("passed", "#CFE6D8", GREEN, "passed: a certified minimum, or E = 0"),
          ("wrong", VERMILION, "white", "claims what is not so"))
 
 
+FLOW_CELLS = {"passed": "passed: reached its end, energies agree",
+              "stationary": "not of flows",
+              "degraded": "part of the energy made or lost by the integrator"}
+
+
 def ExtremesFigure(arguments):
   path = arguments.table
   table = ReadTable(path, ("extreme", "group", "solver", "cell", "residual"),
@@ -2680,7 +2687,9 @@ def ExtremesFigure(arguments):
   width = 2.6 + cell[0] * len(methods) + 0.2
   # The key, in as many lines as it takes.
   key, x, line = [], 0.2, 0
+  flows = set(methods) <= {"implicit", "verlet", "minimize"}
   for name, fill, ink, words in CELLS:
+    words = FLOW_CELLS.get(name, words) if flows else words
     label = "%d  %s" % (table["cell"].count(name), words)
     if x > 0.2 and x + 0.35 + 0.085 * len(label) > width:
       x, line = 0.2, line + 1
@@ -2849,6 +2858,57 @@ def PhiJFigure(arguments):
   ReadingHelp(figure, "Decompressions from over-jammed states, a marker a state, lines: packings and "
               "tolerances (1e-4, 1e-8). Right: below the dashed line the error is less "
               "than the error bar that the run states.", left=1.0)
+  return figure
+
+
+def FidelityFigure(arguments):
+  path = arguments.table
+  table = ReadTable(path, ("model", "quantity", "mean", "difference", "difference_error",
+                           "verdict", "cpu_seconds_a_step"),
+                    words=("model", "quantity", "verdict"))
+  models, quantities = Unique(table["model"]), Unique(table["quantity"])
+  if not models:
+    raise InputError("%s: no rows" % path)
+  whole = next((k for k, name in enumerate(models) if "whole)" in name or "whole:" in name), 0)
+  model, quantity = np.array(table["model"]), np.array(table["quantity"])
+  verdict = np.array(table["verdict"])
+  width, height = 13.2, 1.75 + 0.34 * len(models)
+  figure, axes = plt.subplots(
+      1, len(quantities) + 1, figsize=(width, height), sharey=True,
+      gridspec_kw=dict(left=2.1 / width, right=1 - 0.2 / width, top=1 - 0.45 / height,
+                       bottom=1.2 / height, wspace=0.1))
+  places = -np.arange(len(models))
+  cost = np.array([table["cpu_seconds_a_step"][model == name][0] for name in models])
+  axes[0].barh(places, cost / cost[whole], height=0.6, color=SPECIES_FILLS[0])
+  axes[0].set_title("cost of a step", loc="left", fontsize=12)
+  axes[0].set_xlabel("whole model = 1")
+  axes[0].set_yticks(places, models, fontsize=11)
+  axes[0].set_ylim(-len(models) + 0.4, 0.6)
+  colours = {"ok": GREEN, "no": VERMILION, "?": GREY}
+  for ax, name in zip(axes[1:], quantities):
+    size = abs(table["mean"][(model == models[whole]) & (quantity == name)][0]) or 1.0
+    ax.axvspan(-100 * arguments.accuracy, 100 * arguments.accuracy, color="#E6F2EA",
+               linewidth=0, zorder=0)
+    ax.axvline(0, color=GREY, linewidth=0.8, zorder=1)
+    for place, one in zip(places, models):
+      k = np.nonzero((model == one) & (quantity == name))[0][0]
+      if one == models[whole]:
+        continue
+      ax.errorbar(100 * table["difference"][k] / size, place,
+                  xerr=200 * table["difference_error"][k] / size, color=colours[verdict[k]],
+                  marker="o", markersize=5.5, capsize=3, linewidth=1.4, zorder=3)
+    ax.set_title(name.replace("_", " "), loc="left", fontsize=12)
+    ax.set_xlabel("change / %")
+    ax.set_xscale("symlog", linthresh=200 * arguments.accuracy)
+    ax.xaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: "%g" % value))
+    ax.tick_params(axis="x", labelsize=10)
+  for ax in axes:
+    ax.grid(True, axis="x", color=PALE, linewidth=0.6)
+    ax.set_axisbelow(True)
+  ReadingHelp(figure, "Changes from the whole model, start by start: means and two standard "
+              "errors. Band: the accuracy asked for, %g %%; green: within it, vermilion: "
+              "beyond it, grey: more starts would tell." % (100 * arguments.accuracy),
+              left=0.3)
   return figure
 
 
@@ -3838,6 +3898,11 @@ def Arguments(words):
   command.add_argument("table")
   command.add_argument("out")
   command.set_defaults(figure=GrainCostFigure)
+  command = commands.add_parser("fidelity")
+  command.add_argument("table")
+  command.add_argument("out")
+  command.add_argument("--accuracy", type=float, default=0.05)
+  command.set_defaults(figure=FidelityFigure)
   command = commands.add_parser("laws")
   command.add_argument("table")
   command.add_argument("out")

@@ -76,10 +76,6 @@ class ProtocolIndex {
   std::map<Place, std::vector<const ProtocolStep*>> steps_;
 };
 
-double Median(const std::vector<double>& values) {
-  return QuantilesOf(values).median;
-}
-
 // |a - b| / max(|a|, |b|).
 double RelativeDifference(double a, double b) {
   const double size = std::max(std::abs(a), std::abs(b));
@@ -348,10 +344,10 @@ std::vector<ProtocolRow> TabulateProtocols(
       row.linear_iterations = QuantilesOf(linear_iterations);
       row.cpu_seconds = QuantilesOf(seconds);
       row.ratio = QuantilesOf(ratios);
-      row.function_share = Median(function_shares);
-      row.linear_share = Median(linear_shares);
-      row.spent_evaluations = Median(spent_evaluations);
-      row.spent_seconds = Median(spent_seconds);
+      row.function_share = MedianOf(function_shares);
+      row.linear_share = MedianOf(linear_shares);
+      row.spent_evaluations = MedianOf(spent_evaluations);
+      row.spent_seconds = MedianOf(spent_seconds);
       rows.push_back(row);
     }
   }
@@ -399,8 +395,8 @@ std::vector<JammingRow> TabulateJamming(const ProtocolSetup& setup,
       if (!excess.empty()) {
         row.worst_excess = *std::max_element(excess.begin(), excess.end());
       }
-      row.pressure = Median(pressures);
-      row.contacts = Median(contacts);
+      row.pressure = MedianOf(pressures);
+      row.contacts = MedianOf(contacts);
       rows.push_back(row);
     }
   }
@@ -527,8 +523,8 @@ ComparisonProfiles MakeProtocolProfiles(const ProtocolSetup& setup,
         const ProtocolRun* first = index.Run(tolerance, seed, method.label);
         if (first == nullptr) break;
         ends.push_back(first);
-        counts.push_back(Median(of_runs));
-        times.push_back(Median(times_of_runs));
+        counts.push_back(MedianOf(of_runs));
+        times.push_back(MedianOf(times_of_runs));
       }
       if (ends.size() < methods) continue;  // an unfinished comparison
       evaluations.push_back(counts);

@@ -6,6 +6,7 @@
 #include <set>
 #include <utility>
 
+#include "experiments/comparison.h"
 #include "experiments/tabular.h"
 #include "granular/distributions.h"
 #include "granular/random.h"
@@ -66,13 +67,6 @@ const Quantity kQuantities[] = {
     {"excess", &ScalingState::excess, -1.0, true},
 };
 
-double Median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  const std::size_t half = values.size() / 2;
-  return values.size() % 2 == 1 ? values[half]
-                                : 0.5 * (values[half - 1] + values[half]);
-}
-
 // log y = intercept + slope log x of medians over `packings`; false with fewer
 // than two distances left. y[s][k]: of packing s at distance k.
 bool FitMedians(const std::vector<std::vector<double>>& x,
@@ -91,8 +85,8 @@ bool FitMedians(const std::vector<std::vector<double>>& x,
       of_x.push_back(x[s][k]);
       of_y.push_back(y[s][k]);
     }
-    const double median_x = Median(of_x);
-    const double median_y = Median(of_y);
+    const double median_x = MedianOf(of_x);
+    const double median_y = MedianOf(of_y);
     if (!(median_x > 0.0 && median_y > 0.0)) {
       ++*left_out;
       continue;
@@ -194,7 +188,7 @@ Exponent FitExponent(const std::vector<ScalingState>& states,
   for (std::size_t k = 0; k < distances.size(); ++k) {
     std::vector<double> of_k;
     for (const auto& row : reduced) of_k.push_back(row[k]);
-    used[k] = Median(of_k) * size >= options.least_size &&
+    used[k] = MedianOf(of_k) * size >= options.least_size &&
               distances[k] <= options.most_distance * (1.0 + 1e-9);
     if (!used[k]) continue;
     if (fit.distances++ == 0) fit.from = distances[k];

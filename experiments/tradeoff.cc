@@ -272,13 +272,6 @@ Packing Sharpened(const Packing& packing, ContactEnergyOptions law) {
   return result.packing;
 }
 
-double Median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  const std::size_t half = values.size() / 2;
-  return values.size() % 2 == 1 ? values[half]
-                                : 0.5 * (values[half - 1] + values[half]);
-}
-
 struct Setting {
   Method method;
   Precision precision = Precision::DOUBLE;
@@ -364,7 +357,7 @@ void RunScenario(const Scenario& scenario,
       }
     }
     for (std::size_t k = 0; k < levels.size(); ++k) {
-      of_setting[s][k].seconds = Median(seconds[s][k]);
+      of_setting[s][k].seconds = MedianOf(seconds[s][k]);
       rows->push_back(of_setting[s][k]);
     }
   }
@@ -478,7 +471,7 @@ std::vector<Best> Ranking(const std::vector<Row>& rows,
   std::map<std::string, Best> best;
   for (const auto& [key, group] : groups) {
     if (!(group.error <= accuracy)) continue;
-    const double seconds = Median(group.seconds);
+    const double seconds = MedianOf(group.seconds);
     Best& b = best[group.first->method + "\n" + group.first->precision];
     if (seconds < b.seconds) b = {group.first, seconds, group.error};
   }

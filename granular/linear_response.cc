@@ -90,7 +90,8 @@ MatrixXd ElasticResponse::Voigt() const {
 }
 
 ElasticResponse ComputeElasticResponse(const ContactEnergy& original,
-                                       const double* u) {
+                                       const double* u,
+                                       bool prestress) {
   ElasticResponse r;
   const auto fail = [&r](const std::string& message) {
     r.found = false;
@@ -127,7 +128,8 @@ ElasticResponse ComputeElasticResponse(const ContactEnergy& original,
   blocks.reserve(network.links.size());
   MatrixXd pair(columns, d);
   for (const Link& link : network.links) {
-    const LinkBlock block = BlockOf(link);
+    const LinkBlock block =
+        prestress ? BlockOf(link) : LinkBlock{link.stiffness, 0.0};
     blocks.push_back(block);
     const SmallVector& n_ij = link.normal;
     const double l = link.distance;

@@ -83,8 +83,12 @@ struct ElasticResponse {
 // Source: Maloney, Lemaitre, Phys. Rev. E 74 (2006) 016118, sec. II; the
 // distinction of A and C under stress: Barron, Klein, Proc. Phys. Soc. 85
 // (1965) 523.
+//
+// Without `prestress` the second term of (9), which forces of contacts make, is
+// left out: b = 0. That is the answer of a network of unstretched springs.
 ElasticResponse ComputeElasticResponse(const ContactEnergy& energy,
-                                       const double* u);
+                                       const double* u,
+                                       bool prestress = true);
 
 }  // namespace granopt
 
