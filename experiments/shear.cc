@@ -561,6 +561,11 @@ int Main() {
         start_json["most_shear_modulus"].get<double>(),
         least < 0.0 ? ": it is held by its cell" : "");
   }
+  if (!run.rows.empty() && run.rows.front().contacts == 0) {
+    std::printf(
+        "\n  start         carries no force: it is not jammed (--phi=%g)\n",
+        run.rows.front().phi);
+  }
   std::printf("%s", CurvesTable(run.rows, mode).c_str());
   std::printf("%s", AgreementTable(agreement).c_str());
   std::printf("%s", event_lines.c_str());

@@ -229,7 +229,7 @@ std::string PublishEvents(const EventCatalogue& catalogue,
   summary["worst_reversal_energy"] = worst_energy;
   std::string text = Format(
       "\n  events        %zu, in %d of %d steps that were searched (%d "
-      "relaxations%s); the others only change contacts\n",
+      "relaxations%s)%s\n",
       catalogue.rows.size(),
       catalogue.searched - catalogue.elastic,
       catalogue.searched,
@@ -239,7 +239,8 @@ std::string PublishEvents(const EventCatalogue& catalogue,
                    catalogue.unconverged,
                    static_cast<long long>(options.solve.max_evaluations))
                 .c_str()
-          : "");
+          : "",
+      catalogue.elastic > 0 ? "; the others only change contacts" : "");
   if (catalogue.rows.empty()) return text;
   text += Format(
       "  reversible    %d of %zu branches that end in one: sheared back their "
