@@ -3570,8 +3570,8 @@ EVENT_HELP = (
     "above: the lowest eigenvalue of the Hessian on the branch against the strain that "
     "is left (Hertz: the square root of a saddle-node; Hooke: the Hessian jumps as a "
     "contact opens, and so does the eigenvalue); the energy on the straight way from "
-    "before to after; the angular harmonics of the radial displacement around the grain "
-    "that moves most, by distance from it: an elastic inclusion is m = 2.")
+    "before to after; of discs, the angular harmonics of the radial displacement around "
+    "the grain that moves most, by distance from it: an elastic inclusion is m = 2.")
 
 
 def EventFigure(arguments):
@@ -3604,9 +3604,11 @@ def EventFigure(arguments):
   box.set_bbox_to_anchor(((0.1 + side / 2) / total_width,
                           (lift + foot / 2) / (total + 0.75)), figure.transFigure)
   left, right = 7.75 / total_width, 0.985
-  third = (total - 0.9) / 3
+  # Harmonics are those of discs.
+  flat = len(harmonics["m"]) > 0
+  third = (total - 0.9) / (3 if flat else 2)
   def Panel(k):
-    bottom = lift + 0.55 + (2 - k) * (third + 0.16)
+    bottom = lift + 0.55 + ((2 if flat else 1) - k) * (third + 0.16)
     return figure.add_axes([left, bottom / (total + 0.75), right - left,
                             (third - 0.42) / (total + 0.75)])
   ax = Panel(0)
@@ -3633,8 +3635,8 @@ def EventFigure(arguments):
   ax.plot(way["t"], way["above_the_end"] / unit, color=VERMILION)
   ax.set_xlabel("part of the way", fontsize=12)
   ax.set_ylabel(r"$E - E_{\mathrm{after}}$" + power)
-  ax = Panel(2)
-  if len(harmonics["m"]):
+  if flat:
+    ax = Panel(2)
     shells = sorted(set(harmonics["inner"]))
     width = 0.8 / len(shells)
     unit, power = TimesTen(harmonics["amplitude"])
@@ -3647,7 +3649,7 @@ def EventFigure(arguments):
              label="%.2g" % ((inner + harmonics["outer"][of][0]) / 2 / length))
     ax.set_ylabel("amplitude" + power)
     ax.legend(title="distance / cell", fontsize=9, title_fontsize=9, ncol=2)
-  ax.set_xlabel("harmonic $m$", fontsize=12)
+    ax.set_xlabel("harmonic $m$", fontsize=12)
   for ax in figure.axes[1:]:
     ax.grid(True, color=PALE, linewidth=0.7)
     ax.set_axisbelow(True)
@@ -3659,13 +3661,14 @@ def EventFigure(arguments):
 
 
 def EventsFigure(arguments):
+  harmonics = ["m%d" % m for m in range(5)]
   table = ReadTable(arguments.table, ("energy", "energy_drop", "stress_drop",
-                                      "participation", "strain_before"))
+                                      "participation", "strain_before", *harmonics))
   if not len(table["energy"]):
     raise InputError("%s: no rows" % arguments.table)
   figure, axes = plt.subplots(
-      1, 2, figsize=(10.6, 4.9),
-      gridspec_kw=dict(left=0.085, right=0.98, top=0.9, bottom=0.16, wspace=0.24))
+      1, 3, figsize=(13.6, 4.7), gridspec_kw=dict(
+          left=0.065, right=0.985, top=0.9, bottom=0.16, wspace=0.27))
   drop = np.sort(table["energy_drop"] / table["energy"])
   part = 1 - np.arange(len(drop)) / len(drop)
   ax = axes[0]
@@ -3690,11 +3693,25 @@ def EventsFigure(arguments):
   ax.set_xlabel(r"energy drop  $\Delta E / E$")
   ax.set_ylabel("participation of the grains")
   ax.legend(fontsize=11, loc="lower right", frameon=True, framealpha=0.9)
+  ax = axes[2]
+  flat = table["m2"] > 0
+  if flat.any():
+    shares = [table[name][flat] for name in harmonics]
+    for m, share in enumerate(shares):
+      low, middle, high = np.quantile(share, (0.25, 0.5, 0.75))
+      ax.bar(m, middle, 0.7, color=BLUE if m == 2 else Mix(BLUE, "#FFFFFF", 0.6))
+      ax.vlines(m, low, high, color=INK, linewidth=1.4)
+    ax.axhline(0.2, color=GREY, linestyle=(0, (5, 3)), linewidth=1.2)
+    ax.set_xticks(range(5))
+  ax.set_xlabel("harmonic $m$ of the far field")
+  ax.set_ylabel("its part")
   FinishPanels(axes)
-  Help(figure, "Left, the cumulative distribution of the part of its energy that the "
-       "packing dissipates in an event at fixed strain. Right, how many grains take part "
+  Help(figure, "First, the cumulative distribution of the part of its energy that the "
+       "packing dissipates in an event at fixed strain. Then, how many grains take part "
        "in it: 1 if all move alike, 1 / N' for a single one; open circles are events after "
-       "which the packing resists more than before.")
+       "which the packing resists more than before. Last, medians and quartiles of the angular "
+       "harmonics of the radial displacement around the grain that moves most (discs): "
+       "an elastic inclusion is m = 2, dashed if all were alike.")
   return figure
 
 

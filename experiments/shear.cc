@@ -23,6 +23,7 @@
 #include "experiments/shear_events.h"
 #include "experiments/shear_walls.h"
 #include "granular/cell_energy.h"
+#include "granular/linear_response.h"
 #include "granular/packing_io.h"
 #include "granular/quasistatic_shear.h"
 
@@ -175,7 +176,10 @@ std::vector<double> PathOf(double increment) {
   std::vector<double> path;
   for (int k = 1; k <= steps; ++k) path.push_back(FLAGS_strain * k / steps);
   if (FLAGS_cycles == 0) return path;
-  for (int k = steps - 1; k >= 0; --k) path.push_back(FLAGS_strain * k / steps);
+  for (int k = steps - 1; k >= 0; --k) {
+    // Not -0.
+    path.push_back(k == 0 ? 0.0 : FLAGS_strain * k / steps);
+  }
   std::vector<double> all;
   for (int cycle = 0; cycle < FLAGS_cycles; ++cycle) {
     all.insert(all.end(), path.begin(), path.end());
@@ -236,6 +240,28 @@ void ReadCheckpoint(const Checkpoint& checkpoint, Run* run) {
   std::printf("          resumed at strain %g of curve %d\n",
               run->state.strain,
               run->curve + 1);
+}
+
+// What the start resists: contacts beyond those of an isostatic packing, and
+// its least shear modulus. Empty where a factor would be large, or for no
+// answer.
+Json StartJson(const Packing& packing, const ContactEnergyOptions& options) {
+  Json json;
+  const int many = packing.dimension() == 3 ? 2000 : 20000;
+  std::string error;
+  const auto energy = ContactEnergy::Create(packing, options, &error);
+  if (energy == nullptr || packing.size() > many) return json;
+  const std::vector<double> zero(energy->NumParameters(), 0.0);
+  const Observables o = Measure(packing, energy->Contacts(zero.data()), 0.0);
+  json["rigid_grains"] = o.rigid_grains;
+  json["rigid_contacts"] = o.rigid_contacts;
+  json["isostatic_contacts"] = o.isostatic_contacts;
+  const ElasticResponse response = ComputeElasticResponse(*energy, zero.data());
+  if (!response.found) return json;
+  json["shear_modulus"] = response.shear;
+  json["least_shear_modulus"] = response.shear_principal.minCoeff();
+  json["most_shear_modulus"] = response.shear_principal.maxCoeff();
+  return json;
 }
 
 int Main() {
@@ -485,6 +511,7 @@ int Main() {
   json["dimension"] = scene.packing.dimension();
   json["particles"] = scene.packing.size();
   json["tolerance"] = solve.relative_tolerance;
+  json["start"] = StartJson(run.start, scene.energy);
   json["curves"] = CurvesJson(run.rows);
   json["agreement"] = AgreementJson(agreement);
   json["state"] = RelaxationJson(last);
@@ -521,6 +548,24 @@ int Main() {
                output.Path("packing")},
               {"packing.svg", "packing.png"});
 
+  const Json& start_json = json["start"];
+  if (start_json.contains("least_shear_modulus")) {
+    const double least = start_json["least_shear_modulus"].get<double>();
+    std::printf(
+        "\n  start         %d contacts among %d rigid grains (isostatic: %d); "
+        "shear moduli from %.3e to %.3e over all directions%s\n",
+        start_json["rigid_contacts"].get<int>(),
+        start_json["rigid_grains"].get<int>(),
+        start_json["isostatic_contacts"].get<int>(),
+        least,
+        start_json["most_shear_modulus"].get<double>(),
+        least < 0.0 ? ": it is held by its cell" : "");
+  }
+  if (!run.rows.empty() && run.rows.front().contacts == 0) {
+    std::printf(
+        "\n  start         carries no force: it is not jammed (--phi=%g)\n",
+        run.rows.front().phi);
+  }
   std::printf("%s", CurvesTable(run.rows, mode).c_str());
   std::printf("%s", AgreementTable(agreement).c_str());
   std::printf("%s", event_lines.c_str());

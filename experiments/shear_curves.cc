@@ -147,6 +147,8 @@ std::vector<Agreement> CompareIncrements(const std::vector<StrainRow>& rows) {
     most = std::max(most, row.stress_dev);
     most_fabric = std::max(most_fabric, row.fabric_dev);
   }
+  // Nothing to compare with without forces.
+  if (!(most > 0.0)) return all;
   const double end = std::abs(finest.back().strain);
   for (std::size_t k = 0; k + 1 < curves.size(); ++k) {
     Agreement a;

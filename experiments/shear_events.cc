@@ -15,6 +15,9 @@ namespace {
 constexpr int kMostInAStep = 100;
 constexpr int kLandscapePoints = 201;
 constexpr int kHarmonics = 7;
+// The far field, in cells: beyond the core, within the nearest image.
+constexpr double kInner = 0.15;
+constexpr double kOuter = 0.45;
 
 EventRow RowOf(const PlasticEvent& event) {
   EventRow row;
@@ -30,6 +33,15 @@ EventRow RowOf(const PlasticEvent& event) {
   row.reversal_energy = event.reversal_energy;
   row.reversal_displacement = event.reversal_displacement;
   row.relaxations = event.relaxations;
+  const Packing& packing = event.before.packing;
+  if (packing.dimension() != 2) return row;
+  int centre = 0;
+  event.displacement.colwise().squaredNorm().maxCoeff(&centre);
+  const double length = packing.box.Length();
+  const std::vector<double> a = RadialHarmonics(
+      packing, event.displacement, centre, kInner * length, kOuter * length, 5);
+  const double sum = a[0] + a[1] + a[2] + a[3] + a[4];
+  for (int m = 0; m < 5 && sum > 0.0; ++m) row.harmonics[m] = a[m] / sum;
   return row;
 }
 
@@ -83,22 +95,24 @@ std::string EventsCsv(const std::vector<EventRow>& rows) {
   std::string csv =
       "strain_before,strain_after,energy,energy_drop,stress_drop,"
       "pressure_drop,participation,contacts_opened,contacts_closed,"
-      "reversal_energy,reversal_displacement,relaxations\n";
+      "reversal_energy,reversal_displacement,relaxations,m0,m1,m2,m3,m4\n";
   for (const EventRow& r : rows) {
-    csv += Format(
-        "%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%d,%d,%.17g,%.17g,%d\n",
-        r.strain_before,
-        r.strain_after,
-        r.energy,
-        r.energy_drop,
-        r.stress_drop,
-        r.pressure_drop,
-        r.participation,
-        r.opened,
-        r.closed,
-        r.reversal_energy,
-        r.reversal_displacement,
-        r.relaxations);
+    csv +=
+        Format("%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%d,%d,%.17g,%.17g,%d",
+               r.strain_before,
+               r.strain_after,
+               r.energy,
+               r.energy_drop,
+               r.stress_drop,
+               r.pressure_drop,
+               r.participation,
+               r.opened,
+               r.closed,
+               r.reversal_energy,
+               r.reversal_displacement,
+               r.relaxations);
+    for (const double part : r.harmonics) csv += Format(",%.17g", part);
+    csv += "\n";
   }
   return csv;
 }
@@ -110,20 +124,26 @@ bool ParseEvents(const std::string& csv, std::vector<EventRow>* rows) {
   std::getline(lines, line);
   while (std::getline(lines, line)) {
     EventRow r;
-    if (std::sscanf(line.c_str(),
-                    "%lf,%lf,%lf,%lf,%lf,%lf,%lf,%d,%d,%lf,%lf,%d",
-                    &r.strain_before,
-                    &r.strain_after,
-                    &r.energy,
-                    &r.energy_drop,
-                    &r.stress_drop,
-                    &r.pressure_drop,
-                    &r.participation,
-                    &r.opened,
-                    &r.closed,
-                    &r.reversal_energy,
-                    &r.reversal_displacement,
-                    &r.relaxations) != 12) {
+    if (std::sscanf(
+            line.c_str(),
+            "%lf,%lf,%lf,%lf,%lf,%lf,%lf,%d,%d,%lf,%lf,%d,%lf,%lf,%lf,%lf,%lf",
+            &r.strain_before,
+            &r.strain_after,
+            &r.energy,
+            &r.energy_drop,
+            &r.stress_drop,
+            &r.pressure_drop,
+            &r.participation,
+            &r.opened,
+            &r.closed,
+            &r.reversal_energy,
+            &r.reversal_displacement,
+            &r.relaxations,
+            &r.harmonics[0],
+            &r.harmonics[1],
+            &r.harmonics[2],
+            &r.harmonics[3],
+            &r.harmonics[4]) != 17) {
       return false;
     }
     rows->push_back(r);
@@ -209,7 +229,7 @@ std::string PublishEvents(const EventCatalogue& catalogue,
   summary["worst_reversal_energy"] = worst_energy;
   std::string text = Format(
       "\n  events        %zu, in %d of %d steps that were searched (%d "
-      "relaxations%s); the others only change contacts\n",
+      "relaxations%s)%s\n",
       catalogue.rows.size(),
       catalogue.searched - catalogue.elastic,
       catalogue.searched,
@@ -219,7 +239,8 @@ std::string PublishEvents(const EventCatalogue& catalogue,
                    catalogue.unconverged,
                    static_cast<long long>(options.solve.max_evaluations))
                 .c_str()
-          : "");
+          : "",
+      catalogue.elastic > 0 ? "; the others only change contacts" : "");
   if (catalogue.rows.empty()) return text;
   text += Format(
       "  reversible    %d of %zu branches that end in one: sheared back their "
@@ -305,8 +326,8 @@ std::string PublishEvents(const EventCatalogue& catalogue,
     const std::vector<double> a = RadialHarmonics(packing,
                                                   event.displacement,
                                                   centre,
-                                                  0.15 * length,
-                                                  0.45 * length,
+                                                  kInner * length,
+                                                  kOuter * length,
                                                   kHarmonics);
     double others = 0.0;
     for (int m = 0; m < kHarmonics; ++m) {

@@ -19,6 +19,10 @@ struct EventRow {
   int opened = 0, closed = 0;
   double reversal_energy = 0.0, reversal_displacement = 0.0;
   int relaxations = 0;
+  // Parts of the harmonics m = 0 ... 4 in the radial displacement around the
+  // grain that moves most (RadialHarmonics, at 0.15 to 0.45 cells from it; d =
+  // 2): a_m / (a_0 + ... + a_4). An elastic inclusion is m = 2.
+  double harmonics[5] = {};
 };
 
 struct EventCatalogue {
@@ -38,7 +42,7 @@ EventCatalogue EventCatalogueOf(const Json& json);
 
 // strain_before,strain_after,energy,energy_drop,stress_drop,pressure_drop,
 // participation,contacts_opened,contacts_closed,reversal_energy,
-// reversal_displacement,relaxations
+// reversal_displacement,relaxations,m0,m1,m2,m3,m4
 std::string EventsCsv(const std::vector<EventRow>& rows);
 bool ParseEvents(const std::string& csv, std::vector<EventRow>* rows);
 

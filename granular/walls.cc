@@ -221,7 +221,7 @@ bool ShearBetweenWalls(
     o.stress_parts = SplitTensor(o.stress);
     o.fabric_parts = SplitTensor(o.fabric);
     const WallForces forces = MeasureWallForces(walls, relaxed.contacts, d);
-    step.shear_stress = -forces.upper[0] / walls.area;
+    step.shear_stress = 0.0 - forces.upper[0] / walls.area;  // no -0
     step.normal_stress = forces.upper[1] / walls.area;
     const double push = std::abs(forces.upper[1]);
     step.imbalance =

@@ -137,6 +137,44 @@ TEST(FixedGrains, AMaskOfAnotherLengthIsRefused) {
   EXPECT_NE(error.find("another length"), std::string::npos);
 }
 
+// What is known of a grain stays with it where Relax() has put the packing in
+// another order: here a lattice with small grains in vacancies, shuffled.
+TEST(FixedGrains, AndRattlersKeepTheirNamesInAnotherOrder) {
+  Packing packing = BravaisLattice(HexagonalCell(0.99), {132, 132}, 0.5);
+  const int n = packing.size();
+  UniformRandom random(4);
+  for (int i = n - 1; i > 0; --i) {
+    packing.positions.col(i).swap(
+        packing.positions.col(static_cast<int>(random() * (i + 1))));
+  }
+  for (int i = 0; i < n; i += 97) packing.radii[i] = 0.05;
+  ContactEnergyOptions options;
+  options.fixed.assign(n, false);
+  for (int i = 5; i < n; i += 2000) options.fixed[i] = true;
+  SolveOptions solve;
+  solve.relative_tolerance = 1e-2;
+  std::string error;
+  const auto solver = CreateSolver("lbfgs", &error);
+  Relaxation result;
+  ASSERT_TRUE(Relax(packing, options, *solver, solve, &result, &error))
+      << error;
+  ASSERT_TRUE(result.summary.Succeeded());
+  ASSERT_GT(result.observables.rattlers, n / 97 - 5);
+  for (int i = 0; i < n; ++i) {
+    if (i % 97 == 0 && !options.fixed[i]) {
+      EXPECT_TRUE(result.observables.is_rattler[i]) << i;
+    }
+    if (options.fixed[i]) {
+      const Eigen::VectorXd cells =
+          packing.box.inverse() *
+          (result.packing.positions.col(i) - packing.positions.col(i));
+      EXPECT_LE((cells.array() - cells.array().round()).abs().maxCoeff(), 1e-14)
+          << i;
+      EXPECT_FALSE(result.observables.is_rattler[i]) << i;
+    }
+  }
+}
+
 // ---- walls
 
 Packing Relaxed(int d) {
