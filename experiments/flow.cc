@@ -64,6 +64,15 @@ DEFINE_double(mie_repulsion, 12.0, "n of mie");
 DEFINE_double(mie_attraction, 6.0, "m of mie, < n");
 DEFINE_double(morse_steepness, 5.0, "a of morse, 1 / m");
 DEFINE_double(morse_distance, 0.3, "of the least potential of morse, m");
+DEFINE_double(field_accuracy,
+              1e-3,
+              "bound of the error of a near-field force, over the sum of the "
+              "magnitudes of its pair forces, where many grains make a fast "
+              "multipole method worth while");
+DEFINE_int32(multipole_from,
+             -1,
+             "number of grains from which it is used; -1: where it pays, 0: "
+             "never");
 DEFINE_string(contacts,
               "impact",
               "impact (restitution and friction), soft (energy of overlaps) "
@@ -223,6 +232,10 @@ FlowSceneOptions MakeSceneOptions() {
       !(FLAGS_law == "powers" && FLAGS_alpha1 == 0.0 && FLAGS_alpha2 == 0.0)) {
     options.near_field = NearFieldOptions();
     options.near_field->law = MakeLaw();
+    options.near_field->tree_accuracy = FLAGS_field_accuracy;
+    options.near_field->tree_from = FLAGS_multipole_from;
+    CheckRange("multipole_from", FLAGS_multipole_from, -1, 2e9);
+    CheckRange("field_accuracy", FLAGS_field_accuracy, 1e-9, 0.1);
   }
   if (FLAGS_weight == "mass") {
     options.weight = FlowSceneOptions::Weight::MASS;
@@ -594,6 +607,12 @@ int RunOne() {
                 d > 0.0 ? Format("two grains rest at d = %.4g", d).c_str()
                         : "without a stable distance (2.8)");
   }
+  if (field != nullptr && field->UsesTree()) {
+    std::printf(
+        "          its sum by fast multipoles, errors below %g of the "
+        "magnitudes of pair forces\n",
+        FLAGS_field_accuracy);
+  }
   std::printf("          contacts %s; stepper %s, dt <= %g\n",
               FLAGS_contacts.c_str(),
               FLAGS_stepper.c_str(),
@@ -646,7 +665,9 @@ int RunOne() {
                            "velocity_dependent",
                            "velocity_scale",
                            "least_restitution",
-                           "force_frequency"}) {
+                           "force_frequency",
+                           "field_accuracy",
+                           "multipole_from"}) {
     setup[flag] = gflags::GetCommandLineFlagInfoOrDie(flag).current_value;
   }
   const Checkpoint checkpoint(CheckpointPath(), setup);

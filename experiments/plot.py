@@ -2816,9 +2816,9 @@ def FlowThroughputFigure(arguments):
       gridspec_kw=dict(left=0.85 / width, right=1 - 0.25 / width, top=1 - 0.4 / height,
                        bottom=1.3 / height, wspace=0.22))
   styles = (("plain", "plain loop", GREY, "s"), ("vectorized", "all pairs, vectorized", BLUE, "o"),
-            ("tree_1e-3", r"tree, error $\leq 10^{-3}$", ORANGE, "v"),
-            ("tree_1e-4", r"tree, error $\leq 10^{-4}$", GREEN, "^"),
-            ("tree_1e-6", r"tree, error $\leq 10^{-6}$", PURPLE, "D"),
+            ("tree_1e-2", r"multipoles, bound $10^{-2}$", ORANGE, "v"),
+            ("tree_1e-3", r"multipoles, bound $10^{-3}$", GREEN, "^"),
+            ("tree_1e-4", r"multipoles, bound $10^{-4}$", PURPLE, "D"),
             ("verlet_step", "a step of Verlet, contacts and all", VERMILION, "x"))
   for name, label, colour, marker in styles:
     k = what == name
