@@ -404,13 +404,17 @@ FlowCase MakeCase(std::string* relaxed) {
   }
   flow.scene = FlowScene::Create(options, &error);
   if (flow.scene == nullptr) BadInput(error);
-  if (FLAGS_relax_overlaps && !RelaxOverlaps(options.grains,
-                                             options.domain,
-                                             FLAGS_solver,
-                                             &flow.state,
-                                             relaxed,
-                                             &error)) {
-    BadInput(error);
+  if (FLAGS_relax_overlaps) {
+    const std::unique_ptr<Solver> solver = CreateSolver(FLAGS_solver, &error);
+    if (solver == nullptr) BadInput("--solver: " + error);
+    if (!RelaxOverlaps(options.grains,
+                       options.domain,
+                       *solver,
+                       &flow.state,
+                       relaxed,
+                       &error)) {
+      BadInput(error);
+    }
   }
   return flow;
 }
@@ -524,6 +528,10 @@ Json LedgerJson(const FlowScene& scene, const FlowState& state) {
           {"numerical", scene.Numerical(state, potential) / m},
           {"closure", scene.Closure(state, k.total()) / m},
           {"momentum_drift", size > 0.0 ? std::sqrt(drift / size) : 0.0},
+          {"momentum",
+           {{"external", state.momentum.external},
+            {"damping", state.momentum.damping},
+            {"fixed", state.momentum.fixed}}},
           {"worst_force_balance", state.worst_balance}};
 }
 

@@ -656,9 +656,22 @@ int Throughput(Output* output) {
       }
       cpu = CpuSeconds();
       for (int k = 0; k < inner; ++k) {
-        scene.near_field()->Forces(flow.state.x.data(), force.data(), nullptr);
+        direct->Forces(flow.state.x.data(), force.data(), nullptr);
       }
       times[1].push_back((CpuSeconds() - cpu) / inner);
+      for (int t = 0; t < 3; ++t) {
+        if (trees[t] == nullptr) continue;
+        std::vector<double> other(force.size());
+        cpu = CpuSeconds();
+        trees[t]->Forces(flow.state.x.data(), other.data(), nullptr);
+        times[3 + t].push_back(CpuSeconds() - cpu);
+        double difference = 0.0, size = 0.0;
+        for (std::size_t e = 0; e < force.size(); ++e) {
+          difference += (other[e] - force[e]) * (other[e] - force[e]);
+          size += force[e] * force[e];
+        }
+        tree_error[t] = std::sqrt(difference / size);
+      }
     }
     {
       FlowState state = flow.state;
