@@ -30,6 +30,7 @@
 #include "Eigen/SparseCholesky"
 #include "benchmark/benchmark.h"
 #include "granular/contact_energy.h"
+#include "granular/flow/flow.h"
 #include "granular/neighbor_list.h"
 #include "granular/packing_generator.h"
 #include "granular/packing_io.h"
@@ -381,6 +382,62 @@ void BM_Memory(benchmark::State& state) {
   state.SetBytesProcessed(state.iterations() * 3 * 8 * n);
 }
 
+// A random flow's near field, exponents 1 and 2 (0), real ones (1), Morse (2);
+// time of an ordered pair.
+void BM_NearField(benchmark::State& state) {
+  const int n = static_cast<int>(state.range(0));
+  FlowStart start;
+  start.particles = n;
+  Grains grains;
+  FlowState flow;
+  std::string error;
+  if (!MakeStart(start, &grains, &flow, &error)) std::exit(2);
+  std::vector<double> weights(FlowStride(n), 0.0), force(3 * FlowStride(n));
+  for (int i = 0; i < n; ++i) weights[i] = grains.mass[i];
+  NearFieldOptions options;
+  options.tree_from = 0;
+  options.law = state.range(1) == 0 ? RadialLaw::Powers(0.25, 1.0, 0.125, 2.0)
+                : state.range(1) == 1
+                    ? RadialLaw::Powers(0.36, 0.67, 0.26, 1.59)
+                    : RadialLaw::Morse(1.0, 4.0, 0.3);
+  const auto field = NearField::Create(options, n, weights, 0.0, &error);
+  for (auto _ : state) {
+    field->Forces(flow.x.data(), force.data(), nullptr);
+    benchmark::DoNotOptimize(force.data());
+  }
+  state.counters["pair"] = benchmark::Counter(
+      n * (n - 1.0) * state.iterations(),
+      benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+}
+
+// Overlapping grains of a random flow, by the grid.
+void BM_FlowContacts(benchmark::State& state) {
+  const int n = static_cast<int>(state.range(0));
+  FlowStart start;
+  start.particles = n;
+  start.attempts = 0;
+  Grains grains;
+  FlowState flow;
+  std::string error;
+  if (!MakeStart(start, &grains, &flow, &error)) std::exit(2);
+  ContactSearch search;
+  std::vector<ClosePair> pairs;
+  for (auto _ : state) {
+    search.Find(n,
+                FlowStride(n),
+                flow.x.data(),
+                grains.radius.data(),
+                0.0,
+                0.0,
+                &pairs);
+    benchmark::DoNotOptimize(pairs.data());
+  }
+}
+
+BENCHMARK(BM_NearField)
+    ->ArgNames({"grains", "law"})
+    ->ArgsProduct({{100, 1000, 10000}, {0, 1, 2}});
+BENCHMARK(BM_FlowContacts)->Arg(1000)->Arg(10000)->Arg(100000);
 BENCHMARK(BM_ContactEnergy)->Arg(1)->Arg(64);
 BENCHMARK_CAPTURE(BM_Iteration, fire, "fire")
     ->ArgsProduct({{1, 4, 64}, {1, 2}})

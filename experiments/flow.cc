@@ -63,6 +63,15 @@ DEFINE_double(mie_repulsion, 12.0, "n of mie");
 DEFINE_double(mie_attraction, 6.0, "m of mie, < n");
 DEFINE_double(morse_steepness, 5.0, "a of morse, 1 / m");
 DEFINE_double(morse_distance, 0.3, "of the least potential of morse, m");
+DEFINE_double(field_accuracy,
+              1e-3,
+              "bound of the error of a near-field force, over the sum of the "
+              "magnitudes of its pair forces, where many grains make a fast "
+              "multipole method worth while");
+DEFINE_int32(multipole_from,
+             -1,
+             "number of grains from which it is used; -1: where it pays, 0: "
+             "never");
 DEFINE_string(contacts,
               "impact",
               "impact (restitution and friction), soft (energy of overlaps) "
@@ -215,6 +224,10 @@ FlowSceneOptions MakeSceneOptions() {
       !(FLAGS_law == "powers" && FLAGS_alpha1 == 0.0 && FLAGS_alpha2 == 0.0)) {
     options.near_field = NearFieldOptions();
     options.near_field->law = MakeLaw();
+    options.near_field->tree_accuracy = FLAGS_field_accuracy;
+    options.near_field->tree_from = FLAGS_multipole_from;
+    CheckRange("multipole_from", FLAGS_multipole_from, -1, 2e9);
+    CheckRange("field_accuracy", FLAGS_field_accuracy, 1e-9, 0.1);
   }
   if (FLAGS_weight == "mass") {
     options.weight = FlowSceneOptions::Weight::MASS;
@@ -383,13 +396,17 @@ FlowCase MakeCase(std::string* relaxed) {
   }
   flow.scene = FlowScene::Create(options, &error);
   if (flow.scene == nullptr) BadInput(error);
-  if (FLAGS_relax_overlaps && !RelaxOverlaps(options.grains,
-                                             options.domain,
-                                             FLAGS_solver,
-                                             &flow.state,
-                                             relaxed,
-                                             &error)) {
-    BadInput(error);
+  if (FLAGS_relax_overlaps) {
+    const std::unique_ptr<Solver> solver = CreateSolver(FLAGS_solver, &error);
+    if (solver == nullptr) BadInput("--solver: " + error);
+    if (!RelaxOverlaps(options.grains,
+                       options.domain,
+                       *solver,
+                       &flow.state,
+                       relaxed,
+                       &error)) {
+      BadInput(error);
+    }
   }
   return flow;
 }
@@ -503,6 +520,10 @@ Json LedgerJson(const FlowScene& scene, const FlowState& state) {
           {"numerical", scene.Numerical(state, potential) / m},
           {"closure", scene.Closure(state, k.total()) / m},
           {"momentum_drift", size > 0.0 ? std::sqrt(drift / size) : 0.0},
+          {"momentum",
+           {{"external", state.momentum.external},
+            {"damping", state.momentum.damping},
+            {"fixed", state.momentum.fixed}}},
           {"worst_force_balance", state.worst_balance}};
 }
 
@@ -586,6 +607,12 @@ int RunOne() {
                 d > 0.0 ? Format("two grains rest at d = %.4g", d).c_str()
                         : "without a stable distance (2.8)");
   }
+  if (field != nullptr && field->UsesTree()) {
+    std::printf(
+        "          its sum by fast multipoles, errors below %g of the "
+        "magnitudes of pair forces\n",
+        FLAGS_field_accuracy);
+  }
   std::printf("          contacts %s; stepper %s, dt <= %g\n",
               FLAGS_contacts.c_str(),
               FLAGS_stepper.c_str(),
@@ -638,7 +665,9 @@ int RunOne() {
                            "velocity_dependent",
                            "velocity_scale",
                            "least_restitution",
-                           "force_frequency"}) {
+                           "force_frequency",
+                           "field_accuracy",
+                           "multipole_from"}) {
     setup[flag] = gflags::GetCommandLineFlagInfoOrDie(flag).current_value;
   }
   const Checkpoint checkpoint(CheckpointPath(), setup);
@@ -797,25 +826,34 @@ int RunOne() {
 
 // ---------------------------------------------------------------- the paper
 
-// The variants of --paper: the paper's rule at its boundary with constant e and
-// with e of (5.13), and nearest images.
+// The variants of --paper: the paper's rule at its boundary with constant e,
+// with e of (5.13) and with steps so short that they leave no trace, and
+// nearest images.
 struct Variant {
   const char* name;
   const char* title;
   Domain::Kind domain;
   bool velocity_dependent;
+  double step;  // 0: --dt
 };
 constexpr Variant kVariants[] = {
-    {"constant_e", "x -> -x, e = 0.5", Domain::Kind::REENTRY, false},
+    {"constant_e", "x -> -x, e = 0.5", Domain::Kind::REENTRY, false, 0.0},
     {"velocity_dependent_e",
      "x -> -x, e of (5.13)",
      Domain::Kind::REENTRY,
-     true},
+     true,
+     0.0},
     {"nearest_image",
      "nearest image, e = 0.5",
      Domain::Kind::NEAREST_IMAGE,
-     false}};
-constexpr int kNumVariants = 3;
+     false,
+     0.0},
+    {"short_steps",
+     "x -> -x, e = 0.5, steps of at most 0.0005 s",
+     Domain::Kind::REENTRY,
+     false,
+     5e-4}};
+constexpr int kNumVariants = 4;
 constexpr int kGrid = 101;  // times in energy.csv
 
 // What a run leaves: numbers for the tables and energies on the grid of times.
@@ -862,14 +900,16 @@ std::vector<double> Numbers(const PaperRun& r) {
           r.jumps};
 }
 
-// Figures from the independent evaluation of the same reading; NaN: none.
-struct Published {
-  double T1, T1_deviation, fraction1, fraction1_deviation;
+// T(1) and the relative part from an independent program with the same reading
+// of the paper, means of 20 starts; NaN where it has none.
+struct Independent {
+  double T1, fraction1;
 };
-constexpr Published kIndependent[] = {{0.592, 0.008, 0.138, 0.012},
-                                      {0.774, 0.024, 0.341, 0.021},
-                                      {1.069, 0.030, 0.523, 0.013},
-                                      {1.395, 0.058, 0.634, 0.015}};
+constexpr Independent kIndependent[kNumVariants][4] = {
+    {{0.592, 0.138}, {0.774, 0.341}, {1.069, 0.523}, {1.395, 0.634}},
+    {{NAN, NAN}, {NAN, NAN}, {NAN, NAN}, {NAN, NAN}},
+    {{NAN, 0.13}, {NAN, 0.21}, {NAN, 0.23}, {NAN, 0.22}},
+    {{0.588, 0.13}, {0.806, 0.37}, {1.147, 0.56}, {1.685, 0.70}}};
 
 PaperRun RunPaperCase(const Variant& variant,
                       const Strength& strength,
@@ -882,8 +922,12 @@ PaperRun RunPaperCase(const Variant& variant,
       strength, seed, variant.domain, variant.velocity_dependent, particles);
   const FlowScene& scene = *flow.scene;
   FlowState& state = flow.state;
-  const std::unique_ptr<Stepper> stepper =
-      CreateImplicitStepper(MakeStepperOptions());
+  StepperOptions stepping = MakeStepperOptions();
+  if (variant.step > 0.0) {
+    stepping.step = std::min(stepping.step, variant.step);
+    stepping.first_step = std::min(stepping.first_step, variant.step);
+  }
+  const std::unique_ptr<Stepper> stepper = CreateImplicitStepper(stepping);
   state.step = stepper->FirstStep();
   const double m = scene.total_mass();
   PaperRun run;
@@ -1213,25 +1257,26 @@ int RunPaper() {
   }
 
   std::printf(
-      "\n  kinetic energy per mass (J/kg) and the part of relative motion, "
+      "\n  kinetic energy per mass (J/kg), the part of relative motion in it, "
       "mean "
-      "+- deviation of one start;\n  'before' is an independent program with "
-      "the same reading, 20 starts\n");
+      "+- deviation of one start,\n  and what the energy came from and went "
+      "to. "
+      "'Before': T and relative part from an independent\n  program with the "
+      "same reading of the paper, 20 starts\n");
   for (int v = 0; v < kNumVariants; ++v) {
     std::printf(
-        "\n  %s\n    alpha1 alpha2   T(0)            T(%g)            "
-        "relative part      boundary  contacts  potential  integrator%s\n",
+        "\n  %s\n    alpha1  T(0)            T(%g)            relative part    "
+        "boundary contacts potential integrator  before\n",
         kVariants[v].title,
-        FLAGS_duration,
-        v == 0 ? "   before: T(1), relative" : "");
+        FLAGS_duration);
     for (int c = 0; c < 4; ++c) {
       const Json& row = variants[kVariants[v].name][c];
       const auto get = [&](const char* key) { return row[key].get<double>(); };
       std::printf(
-          "    %-6g %-6g   %.3f +- %.3f  %.3f +- %.3f  %.3f +- %.3f  "
-          "   %+.3f    %+.3f    %+.3f     %+.3f",
+          "    %-6g  %.3f +- %.3f  %.3f +- %.3f  %.3f +- %.3f   %+.3f   %+.3f  "
+          " "
+          "%+.3f    %+.3f     ",
           kPaperStrengths[c].alpha1,
-          kPaperStrengths[c].alpha2,
           get("T0"),
           get("T0_sd"),
           get("T1"),
@@ -1242,11 +1287,12 @@ int RunPaper() {
           get("impact") + get("friction"),
           -get("potential_change"),
           get("numerical"));
-      if (v == 0) {
-        std::printf(
-            "     %.3f, %.3f", kIndependent[c].T1, kIndependent[c].fraction1);
-      }
-      std::printf("\n");
+      const Independent& before = kIndependent[v][c];
+      std::printf("%s%s\n",
+                  before.T1 > 0.0 ? Format("%.3f  ", before.T1).c_str() : "",
+                  before.fraction1 > 0.0
+                      ? Format("%.3g", before.fraction1).c_str()
+                      : "-");
     }
   }
   std::printf("\n  the start has relative part %.3f; %.3g s\n",

@@ -596,10 +596,14 @@ int Throughput(Output* output) {
   std::string csv = "particles,what,seconds,ns_per_ordered_pair,error\n";
   Json rows = Json::array();
   std::printf(
-      "flow      throughput of the near field (exponents 1, 2): CPU "
-      "seconds of one evaluation, ns per ordered pair\n\n"
-      "    n        plain loop        vectorized        ratio   one step "
-      "of Verlet with contacts\n");
+      "flow      throughput of the near field (exponents 1, 2), CPU seconds of "
+      "one evaluation;\n          multipoles with errors below 1e-2, 1e-3 and "
+      "1e-4 of the magnitudes of pair forces\n\n"
+      "    n        plain loop   all pairs    multipoles 1e-2, 1e-3, 1e-4      "
+      "  "
+      "     ns a pair  plain/all  a step of Verlet\n"
+      "                                                                        "
+      "    (ordered)             with contacts\n");
   std::vector<int> sizes = {100, 316, 1000, 3162, 10000};
   if (!FLAGS_smoke) {
     sizes.push_back(31623);
@@ -618,7 +622,22 @@ int Throughput(Output* output) {
     const int repeats =
         std::clamp(static_cast<int>(2e8 / pairs), 1, FLAGS_smoke ? 3 : 9);
     const int inner = std::clamp(static_cast<int>(2e6 / pairs), 1, 1000);
-    std::vector<double> times[3];
+    // Multipoles of three accuracies.
+    constexpr double kAccuracies[] = {1e-2, 1e-3, 1e-4};
+    std::unique_ptr<NearField> trees[3];
+    for (int t = 0; t < 3 && n >= 10000; ++t) {
+      NearFieldOptions options = scene.near_field()->options();
+      options.tree_from = 1;
+      options.tree_accuracy = kAccuracies[t];
+      std::string error;
+      trees[t] = NearField::Create(options, n, weights, 0.0, &error);
+    }
+    NearFieldOptions all_pairs = scene.near_field()->options();
+    all_pairs.tree_from = 0;
+    std::string fault;
+    const auto direct = NearField::Create(all_pairs, n, weights, 0.0, &fault);
+    std::vector<double> tree_error(3, 0.0);
+    std::vector<double> times[6];
     const auto stepper = Make({"", "verlet", 1e-8, 1e-3});
     const bool with_plain = n <= 31623;
     for (int r = 0; r < repeats; ++r) {
@@ -637,9 +656,22 @@ int Throughput(Output* output) {
       }
       cpu = CpuSeconds();
       for (int k = 0; k < inner; ++k) {
-        scene.near_field()->Forces(flow.state.x.data(), force.data(), nullptr);
+        direct->Forces(flow.state.x.data(), force.data(), nullptr);
       }
       times[1].push_back((CpuSeconds() - cpu) / inner);
+      for (int t = 0; t < 3; ++t) {
+        if (trees[t] == nullptr) continue;
+        std::vector<double> other(force.size());
+        cpu = CpuSeconds();
+        trees[t]->Forces(flow.state.x.data(), other.data(), nullptr);
+        times[3 + t].push_back(CpuSeconds() - cpu);
+        double difference = 0.0, size = 0.0;
+        for (std::size_t e = 0; e < force.size(); ++e) {
+          difference += (other[e] - force[e]) * (other[e] - force[e]);
+          size += force[e] * force[e];
+        }
+        tree_error[t] = std::sqrt(difference / size);
+      }
     }
     {
       FlowState state = flow.state;
@@ -653,30 +685,40 @@ int Throughput(Output* output) {
       }
       times[2].push_back((CpuSeconds() - cpu) / steps);
     }
-    double median[3] = {};
-    const char* const names[] = {"plain", "vectorized", "verlet_step"};
-    for (int w = 0; w < 3; ++w) {
+    double median[6] = {};
+    const char* const names[] = {"plain",
+                                 "vectorized",
+                                 "verlet_step",
+                                 "tree_1e-2",
+                                 "tree_1e-3",
+                                 "tree_1e-4"};
+    for (int w = 0; w < 6; ++w) {
       if (times[w].empty()) continue;
       std::sort(times[w].begin(), times[w].end());
       median[w] = times[w][times[w].size() / 2];
-      csv += Format("%d,%s,%.6g,%.6g,0\n",
+      const double error = w < 3 ? 0.0 : tree_error[w - 3];
+      csv += Format("%d,%s,%.6g,%.6g,%.3g\n",
                     n,
                     names[w],
                     median[w],
-                    1e9 * median[w] / pairs);
+                    1e9 * median[w] / pairs,
+                    error);
       rows.push_back({{"particles", n},
                       {"what", names[w]},
                       {"seconds", median[w]},
-                      {"ns_per_ordered_pair", 1e9 * median[w] / pairs}});
+                      {"ns_per_ordered_pair", 1e9 * median[w] / pairs},
+                      {"error", error}});
     }
-    std::printf("    %-7d  %-9.3g %-6.3g  %-9.3g %-6.3g  %-6.2f  %.3g s\n",
-                n,
-                median[0],
-                1e9 * median[0] / pairs,
-                median[1],
-                1e9 * median[1] / pairs,
-                median[1] > 0.0 ? median[0] / median[1] : 0.0,
-                median[2]);
+    std::printf("    %-7d", n);
+    for (const int w : {0, 1, 3, 4, 5}) {
+      std::printf("  %-11s",
+                  median[w] > 0.0 ? Format("%.3g", median[w]).c_str() : "-");
+    }
+    std::printf(
+        " %-10.3g %-10s",
+        1e9 * median[1] / pairs,
+        median[0] > 0.0 ? Format("%.1f", median[0] / median[1]).c_str() : "-");
+    std::printf("%.3g\n", median[2]);
     std::fflush(stdout);
   }
   output->Write("throughput.csv", csv);

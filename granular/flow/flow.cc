@@ -6,9 +6,7 @@
 
 #include "granular/contact_energy.h"
 #include "granular/random.h"
-#include "granular/relaxation.h"
 #include "solvers/format.h"
-#include "solvers/registry.h"
 
 namespace granopt {
 namespace {
@@ -649,7 +647,7 @@ bool MakeStart(const FlowStart& start,
 
 bool RelaxOverlaps(const Grains& grains,
                    const Domain& domain,
-                   const std::string& method,
+                   const Solver& solver,
                    FlowState* state,
                    std::string* report,
                    std::string* error) {
@@ -681,15 +679,13 @@ bool RelaxOverlaps(const Grains& grains,
       packing.positions(k, i) = state->x[k * stride + i];
     }
   }
-  const std::unique_ptr<Solver> solver = CreateSolver(method, error);
-  if (solver == nullptr) return false;
   const std::unique_ptr<ContactEnergy> energy =
       ContactEnergy::Create(packing, {}, error);
   if (energy == nullptr) return false;
   std::vector<double> u(3 * static_cast<std::size_t>(n), 0.0);
   SolveOptions options;
   options.relative_tolerance = 1e-6;
-  const Summary summary = solver->Minimize(energy.get(), options, u.data());
+  const Summary summary = solver.Minimize(energy.get(), options, u.data());
   const Packing end = energy->Configuration(u.data());
   double moved = 0.0;
   for (int i = 0; i < n; ++i) {
@@ -716,14 +712,14 @@ bool RelaxOverlaps(const Grains& grains,
         "overlapping start: %zu pairs overlap still after %s (%s): the grains "
         "jam",
         pairs.size(),
-        solver->name().c_str(),
+        solver.name().c_str(),
         StopReasonName(summary.reason));
     return false;
   }
   *report = Format(
       "%s, %lld evaluations, no grain moved by more than %.3g "
       "radii",
-      solver->name().c_str(),
+      solver.name().c_str(),
       static_cast<long long>(summary.counters.evaluations),
       moved);
   return true;

@@ -23,6 +23,7 @@
 #include "granular/flow/energy_ledger.h"
 #include "granular/flow/near_field.h"
 #include "granular/flow/soft_contact.h"
+#include "solvers/solver.h"
 
 namespace granopt {
 
@@ -206,12 +207,11 @@ bool MakeStart(const FlowStart& start,
                std::string* error);
 
 // Moves grains apart until none overlap, by minimizing the contact energy
-// (Harmonic) of the radii enlarged a little; velocities are kept. `method` is a
-// solver's name. False with one line in `error` if overlaps remain. Returns
-// what it did in `report`.
+// (Harmonic) of the radii enlarged a little; velocities are kept. False with
+// one line in `error` if overlaps remain. Returns what it did in `report`.
 bool RelaxOverlaps(const Grains& grains,
                    const Domain& domain,
-                   const std::string& method,
+                   const Solver& solver,
                    FlowState* state,
                    std::string* report,
                    std::string* error);

@@ -120,9 +120,13 @@ class ImplicitStepper : public Stepper {
     for (int k = 1; k <= options_.desired_iterations; ++k) {
       iterations_ = k;
       ++report->iterations;
+      // Sweeps grain by grain leave each grain's last near field in used_.
+      const bool is_known = k > 1 && options_.sweep != Sweep::JACOBI &&
+                            scene.near_field() != nullptr &&
+                            !scene.options().soft_contact;
       if (k == 1 && !options_.starts_ballistic && !scene.options().external) {
         used_ = start_;
-      } else {
+      } else if (!is_known) {
         scene.Forces(x_.data(), state->time + dt, false, &used_);
         ++state->sweeps;
       }

@@ -47,6 +47,10 @@ double EquilibriumDistance(const RadialLaw& law) {
                   1.0 / (law.exponent[1] - law.exponent[0]));
 }
 
+int TreeFrom(double accuracy) {
+  return accuracy >= 1e-2 ? 25000 : accuracy >= 1e-3 ? 40000 : 80000;
+}
+
 std::unique_ptr<NearField> NearField::Create(const NearFieldOptions& options,
                                              int n,
                                              std::vector<double> weights,
@@ -79,6 +83,15 @@ std::unique_ptr<NearField> NearField::Create(const NearFieldOptions& options,
         law.distance);
     return nullptr;
   }
+  const int tree_from = options.tree_from == kTreeByAccuracy
+                            ? TreeFrom(options.tree_accuracy)
+                            : options.tree_from;
+  if (tree_from > 0 &&
+      !(options.tree_accuracy >= 1e-9 && options.tree_accuracy <= 0.1)) {
+    *error = Format("accuracy %g of the near field must be in [1e-9, 0.1]",
+                    options.tree_accuracy);
+    return nullptr;
+  }
   std::unique_ptr<NearField> field(new NearField);
   field->options_ = options;
   field->n_ = n;
@@ -86,6 +99,11 @@ std::unique_ptr<NearField> NearField::Create(const NearFieldOptions& options,
   field->weights_ = std::move(weights);
   field->period_ = period;
   field->loops_ = FastestNearFieldLoops(law, period > 0.0);
+  if (tree_from > 0 && n >= tree_from && period == 0.0) {
+    field->tree_ =
+        NearFieldTree::Create(law, n, field->weights_, options.tree_accuracy);
+    if (field->tree_ != nullptr) return field;
+  }
   const int pieces = NumPieces(n);
   // Row i has n - 1 - i pairs; rows of a piece start at a multiple of lanes.
   field->piece_start_ = {0};
@@ -110,6 +128,10 @@ NearFieldView NearField::View(const double* x) const {
 }
 
 void NearField::Forces(const double* x, double* force, double* energy) const {
+  if (tree_ != nullptr) {
+    tree_->Forces(x, force, energy, &least_distance_, &error_bound_);
+    return;
+  }
   const std::size_t size = 3 * static_cast<std::size_t>(stride_);
   const int pieces = static_cast<int>(piece_start_.size()) - 1;
   const NearFieldView view = View(x);

@@ -9,6 +9,7 @@
 
 #include "granular/flow/near_field_law.h"
 #include "granular/flow/near_field_loops.h"
+#include "granular/flow/near_field_tree.h"
 
 namespace granopt {
 
@@ -26,8 +27,19 @@ bool IsStable(const RadialLaw& law);
 // where there is none.
 double EquilibriumDistance(const RadialLaw& law);
 
+// Where the multipole method began to be the faster one, for exponents 1 and 2.
+constexpr int kTreeByAccuracy = -1;
+int TreeFrom(double accuracy);
+
 struct NearFieldOptions {
   RadialLaw law;
+  // From so many grains on a fast multipole method takes the place of the sum
+  // over all pairs (near_field_tree.h), where it serves the law and there are
+  // no images. 0: never; kTreeByAccuracy: from TreeFrom(tree_accuracy).
+  int tree_from = kTreeByAccuracy;
+  // Its error bound, relative to the sum of the magnitudes of the pair forces
+  // on a grain.
+  double tree_accuracy = 1e-3;
 };
 
 // Psi_i = sum_{j != i} w_i w_j f(d_ij) n_ij  (2.2), with weights w the masses
@@ -61,8 +73,12 @@ class NearField {
                double* force,
                double* energy) const;
 
-  // The least distance of two grains in the last Forces().
+  // Of the last Forces(): the least distance of two grains (with a tree, of
+  // those in cells near each other), and the bound of the errors of forces over
+  // the sums of magnitudes, 0 without a tree.
   double LastLeastDistance() const { return least_distance_; }
+  double LastErrorBound() const { return error_bound_; }
+  bool UsesTree() const { return tree_ != nullptr; }
 
   const NearFieldOptions& options() const { return options_; }
   const RadialLaw& law() const { return options_.law; }
@@ -79,10 +95,12 @@ class NearField {
   std::vector<double> weights_;
   double period_ = 0.0;
   NearFieldLoops loops_;
+  std::unique_ptr<NearFieldTree> tree_;
   // Rows of each piece of the work, and a buffer of forces for all but one.
   std::vector<int> piece_start_;
   mutable std::vector<double> buffers_;
   mutable double least_distance_ = 0.0;
+  mutable double error_bound_ = 0.0;
 };
 
 }  // namespace granopt

@@ -47,9 +47,49 @@ using NearFieldRow = NearFieldSums (*)(const RadialLaw& law,
                                        bool with_energy,
                                        double* force);
 
+// The forces of all grains of the view on its first `targets` ones, written to
+// force[k] (FlowStride(targets) entries at least). The energy is that of
+// ordered pairs: each pair of two targets counts twice.
+using NearFieldCloud = NearFieldSums (*)(const RadialLaw& law,
+                                         const NearFieldView& view,
+                                         int targets,
+                                         bool with_energy,
+                                         double* const* force);
+
+// Multi-indices n = (a, b, c) of degree a + b + c <= order, by degree, and how
+// they follow from each other.
+constexpr int kMaxOrder = 10;
+constexpr int kMaxTerms =
+    (kMaxOrder + 1) * (kMaxOrder + 2) * (kMaxOrder + 3) / 6;
+struct TaylorView {
+  int order = 0;
+  int terms = 0;
+  const int* degree = nullptr;
+  const int* less_one = nullptr;  // 3 an index: that of n - e_i, -1 for none
+  const int* less_two = nullptr;  // of n - 2 e_i
+  const double* factorial = nullptr;  // n! = a! b! c!
+  // Pairs (k, l), |k| + |l| <= order, l by l: k = 0, 1, ... and k + l.
+  const int* pair_start = nullptr;
+  const int* pair_k = nullptr;
+  const int* pair_sum = nullptr;
+};
+
+// local[l] += sum over sources and k of moment[k] D^(k + l) V(R), D^n the n-th
+// derivatives by -R of V = sum of the terms of (2.3), R = centre of the targets
+// less that of the source: `offset[c]` has `sources` entries, `moments` as many
+// pointers. Strengths and exponents >= 1 as in RadialLaw.
+using NearFieldFar = void (*)(const RadialLaw& law,
+                              const TaylorView& taylor,
+                              int sources,
+                              const double* const* offset,
+                              const double* const* moments,
+                              double* local);
+
 struct NearFieldLoops {
   NearFieldTriangle triangle = nullptr;
   NearFieldRow row = nullptr;
+  NearFieldCloud cloud = nullptr;
+  NearFieldFar far = nullptr;
 };
 
 NearFieldLoops PortableNearFieldLoops(const RadialLaw& law, bool has_images);

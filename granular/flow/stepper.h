@@ -87,7 +87,8 @@ std::unique_ptr<Stepper> CreateImplicitStepper(const StepperOptions& options);
 // Velocity Verlet: impacts at the start of a step, then
 //   u' = u + Dt/2 a(x), x += Dt u', v = u' + Dt/2 a(x), damping by the
 //   trapezoid.
-// One evaluation of forces a step; second order between impacts.
+// One evaluation of forces a step, two where a grain jumped at the boundary
+// before; second order between impacts.
 std::unique_ptr<Stepper> CreateVerletStepper(const StepperOptions& options);
 
 // Backward Euler as a minimization (remark 8): r^(L+1) is a minimum of

@@ -1231,6 +1231,8 @@ TEST_F(Cli, ScalingRefusesBadInput) {
   ExpectRefused("scaling", "--jobs=2", "--seeds");
   ExpectRefused("scaling", "--solver=nonsense", "--solver");
   EXPECT_FALSE(Exists(folder_ + "/out"));
+}
+
 TEST_F(Cli, FlowRunsAndItsLedgerCloses) {
   const Outcome run = Do("flow", "--duration=0.3 --out=out");
   ASSERT_EQ(run.status, 0) << run.out << run.err;

@@ -247,6 +247,94 @@ TEST(NearField, InternalForcesBalance) {
   for (const double s : sum) EXPECT_LE(std::fabs(s), 1e-15 * magnitude);
 }
 
+// The multipole method keeps its bound for every grain, and momentum.
+TEST(NearFieldTree, KeepsItsBound) {
+  const int n = 2000;
+  // A cloud with a dense cluster in it.
+  Cloud cloud = RandomCloud(n, 11);
+  for (int i = 0; i < n / 4; ++i) {
+    for (int k = 0; k < 3; ++k) {
+      cloud.x[k * cloud.stride + i] =
+          0.3 + 0.02 * cloud.x[k * cloud.stride + i];
+    }
+  }
+  for (const RadialLaw& law : {RadialLaw::Powers(0.5, 1.0, 0.25, 2.0),
+                               RadialLaw::Powers(0.0, 1.0, 0.3, 2.0),
+                               RadialLaw::Powers(0.4, 1.3, 0.3, 3.7)}) {
+    std::string error;
+    const auto direct =
+        NearField::Create({law, 0, 1e-3}, n, cloud.weights, 0.0, &error);
+    std::vector<double> exact(3 * cloud.stride), force = exact;
+    double exact_energy, energy;
+    direct->Forces(cloud.x.data(), exact.data(), &exact_energy);
+    // Sums of magnitudes: attraction and repulsion with the same sign.
+    std::vector<double> size(n, 0.0);
+    for (int i = 0; i < n; ++i) {
+      for (int j = 0; j < n; ++j) {
+        if (i == j) continue;
+        double square = 0.0;
+        for (int k = 0; k < 3; ++k) {
+          const double d =
+              cloud.x[k * cloud.stride + j] - cloud.x[k * cloud.stride + i];
+          square += d * d;
+        }
+        size[i] += cloud.weights[i] * cloud.weights[j] *
+                   (law.strength[0] * std::pow(square, -0.5 * law.exponent[0]) +
+                    law.strength[1] * std::pow(square, -0.5 * law.exponent[1]));
+      }
+    }
+    double last = 1.0;
+    for (const double accuracy : {1e-1, 1e-2, 1e-4, 1e-6}) {
+      const auto tree =
+          NearField::Create({law, 1, accuracy}, n, cloud.weights, 0.0, &error);
+      ASSERT_TRUE(tree->UsesTree());
+      tree->Forces(cloud.x.data(), force.data(), &energy);
+      double worst = 0.0, sum[3] = {}, magnitude = 0.0;
+      for (int i = 0; i < n; ++i) {
+        double square = 0.0;
+        for (int k = 0; k < 3; ++k) {
+          const int e = k * cloud.stride + i;
+          square += (force[e] - exact[e]) * (force[e] - exact[e]);
+          sum[k] += force[e];
+          magnitude += std::fabs(force[e]);
+        }
+        worst = std::max(worst, std::sqrt(square) / size[i]);
+      }
+      EXPECT_LE(tree->LastErrorBound(), accuracy);
+      EXPECT_LE(worst, tree->LastErrorBound());
+      EXPECT_GT(worst, 0.0);
+      EXPECT_LT(worst, last);
+      last = worst;
+      for (const double s : sum) EXPECT_LE(std::fabs(s), 1e-14 * magnitude);
+      EXPECT_NEAR(energy, exact_energy, accuracy * std::fabs(exact_energy));
+      EXPECT_DOUBLE_EQ(tree->LastLeastDistance(), direct->LastLeastDistance());
+      if (SetNumThreads(2)) {
+        std::vector<double> again(3 * cloud.stride);
+        tree->Forces(cloud.x.data(), again.data(), nullptr);
+        SetNumThreads(1);
+        EXPECT_EQ(again, force);
+      }
+    }
+  }
+}
+
+TEST(NearFieldTree, ServesPowersWithoutImages) {
+  const Cloud cloud = RandomCloud(100, 2);
+  std::string error;
+  const auto uses = [&](const RadialLaw& law, double period) {
+    return NearField::Create({law, 1, 1e-2}, 100, cloud.weights, period, &error)
+        ->UsesTree();
+  };
+  EXPECT_TRUE(uses(Laws()[0], 0.0));
+  EXPECT_FALSE(uses(Laws()[0], 1.0));
+  EXPECT_FALSE(uses(Laws()[3], 0.0));  // beta1 = 0.67
+  EXPECT_FALSE(uses(Laws()[4], 0.0));  // Morse
+  EXPECT_EQ(
+      NearField::Create({Laws()[0], 1, 1e-20}, 100, cloud.weights, 0.0, &error),
+      nullptr);
+  EXPECT_NE(error.find("must be in [1e-9, 0.1]"), std::string::npos) << error;
+}
+
 TEST(NearFieldLaw, EquilibriumAndStability) {
   // (2.7), (2.8): d_e = (alpha2 / alpha1)^(1 / (beta2 - beta1)).
   const RadialLaw law = RadialLaw::Powers(0.5, 1.0, 0.25, 2.0);

@@ -7,6 +7,7 @@
 #include "granular/flow/flow.h"
 #include "granular/flow/stepper.h"
 #include "gtest/gtest.h"
+#include "solvers/registry.h"
 
 namespace granopt {
 namespace {
@@ -83,7 +84,7 @@ TEST(FlowStart, OverlapsAreRefusedOrRelaxed) {
     EXPECT_EQ(error.find("overlapping start: "), 0u) << error;
     ASSERT_TRUE(RelaxOverlaps(start.options.grains,
                               start.options.domain,
-                              "lbfgs",
+                              *CreateSolver("lbfgs", &error),
                               &start.state,
                               &report,
                               &error))
@@ -96,7 +97,7 @@ TEST(FlowStart, OverlapsAreRefusedOrRelaxed) {
   std::string error, report;
   EXPECT_FALSE(RelaxOverlaps(start.options.grains,
                              start.options.domain,
-                             "lbfgs",
+                             *CreateSolver("lbfgs", &error),
                              &start.state,
                              &report,
                              &error));
