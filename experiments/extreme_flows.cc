@@ -262,11 +262,14 @@ bool RunExtremeFlow(const std::string& name,
     return refuse(line);
   }
   const double begin = CpuSeconds();
+  // Work of both signs adds up to far less than what roundoff is relative to.
+  double largest = 0.0;
   const bool good = RunFlow(
       *scene,
       setup.duration,
       stepper.get(),
-      [&](const FlowState&, const StepReport&) {
+      [&](const FlowState& now, const StepReport&) {
+        largest = std::max(largest, scene->Kinetic(now.v.data()).total());
         return CpuSeconds() - begin < max_seconds;
       },
       &state,
@@ -286,8 +289,8 @@ bool RunExtremeFlow(const std::string& name,
   const double potential = scene->Potential(state.x.data());
   const EnergyLedger& e = state.energy;
   const double turned_over =
-      state.kinetic_start + std::abs(e.near_field) + std::abs(e.impact) +
-      std::abs(e.friction) + std::abs(e.boundary) +
+      state.kinetic_start + largest + std::abs(e.near_field) +
+      std::abs(e.impact) + std::abs(e.friction) + std::abs(e.boundary) +
       std::abs(potential - state.potential_start) + 1e-300;
   run->closure = std::abs(scene->Closure(state, kinetic.total())) / turned_over;
   run->numerical = std::abs(scene->Numerical(state, potential)) / turned_over;

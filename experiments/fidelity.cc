@@ -33,6 +33,9 @@ DEFINE_string(scene,
 DEFINE_double(accuracy,
               0.05,
               "of every observable, relative to that of the whole model");
+DEFINE_string(observables,
+              "T,relative_fraction,dissipated,spread",
+              "of a flow, that must be right");
 DEFINE_int32(seeds, 20, "starts");
 DEFINE_double(duration, 1.0, "end of each run, s");
 DEFINE_double(dt, 0.002, "time step of velocity Verlet, s");
@@ -179,7 +182,9 @@ struct Change {
   double difference = 0.0, difference_error = 0.0;  // from the whole model
 };
 
-int RunFlows(const FlowPreset& preset, Output* output) {
+int RunFlows(const FlowPreset& preset,
+             const std::vector<bool>& wanted,
+             Output* output) {
   std::vector<std::vector<std::vector<double>>> values(
       kModels, std::vector<std::vector<double>>(kNumQuantities));
   std::vector<std::vector<double>> seconds(kModels);
@@ -240,6 +245,7 @@ int RunFlows(const FlowPreset& preset, Output* output) {
   for (int m = 0; m < kModels; ++m) {
     bool all = true, open = false;
     for (int q = 0; q < kNumQuantities; ++q) {
+      if (!wanted[q]) continue;
       const std::string v = verdict(m, q);
       all = all && v == "ok";
       open = open || v == "?";
@@ -511,6 +517,21 @@ int Main() {
     if (!IsGiven("duration")) FLAGS_duration = 0.2;
     if (!IsGiven("particles")) FLAGS_particles = 128;
   }
+  std::vector<bool> wanted(kNumQuantities, false);
+  std::string rest = FLAGS_observables + ",";
+  while (!rest.empty()) {
+    const std::string name = rest.substr(0, rest.find(','));
+    rest = rest.substr(rest.find(',') + 1);
+    bool known = false;
+    for (int q = 0; q < kNumQuantities; ++q) {
+      if (name != kQuantities[q].name) continue;
+      wanted[q] = known = true;
+    }
+    if (!known) {
+      BadInput("--observables: '" + name +
+               "' is none of T, relative_fraction, dissipated, spread");
+    }
+  }
   for (const FlowPreset& preset : kPresets) {
     if (FLAGS_scene != preset.name) continue;
     std::printf(
@@ -526,7 +547,7 @@ int Main() {
     output.Create(
         FLAGS_out,
         {"summary.json", "fidelity.csv", "fidelity.svg", "fidelity.png"});
-    return RunFlows(preset, &output);
+    return RunFlows(preset, wanted, &output);
   }
   if (FLAGS_scene != "packing") {
     BadInput("--scene=" + FLAGS_scene + " must be sand, powder or packing");

@@ -2899,7 +2899,15 @@ def FidelityFigure(arguments):
                   marker="o", markersize=5.5, capsize=3, linewidth=1.4, zorder=3)
     ax.set_title(name.replace("_", " "), loc="left", fontsize=12)
     ax.set_xlabel("change / %")
-    ax.set_xscale("symlog", linthresh=200 * arguments.accuracy)
+    band = 100 * arguments.accuracy
+    ax.set_xscale("symlog", linthresh=2 * band)
+    low, high = ax.get_xlim()
+    low, high = min(low, -2 * band), max(high, 2 * band)
+    ax.set_xlim(low, high)
+    ax.xaxis.set_major_locator(ticker.FixedLocator(
+        [tick for tick in (-1000, -100, -2 * band, 0, 2 * band, 100, 1000)
+         if low <= tick <= high]))
+    ax.xaxis.set_minor_locator(ticker.NullLocator())
     ax.xaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: "%g" % value))
     ax.tick_params(axis="x", labelsize=10)
   for ax in axes:

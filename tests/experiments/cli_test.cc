@@ -1575,5 +1575,87 @@ TEST_F(Cli, ShearRefusesBadInput) {
   ExpectRefused("shear", "--size_ratio=0", "--size_ratio");
 }
 
+// No method claims what is not so, whatever the extreme.
+TEST_F(Cli, ExtremesClaimNothingWrong) {
+  for (const char* kind : {"", "--flow "}) {
+    const Outcome run =
+        Do("extremes", std::string(kind) + "--smoke --jobs=2 --out=good");
+    EXPECT_EQ(run.status, 0) << run.out << run.err;
+    const auto summary =
+        nlohmann::json::parse(Slurp(folder_ + "/good/summary.json"));
+    EXPECT_EQ(summary.at("cells").at("wrong"), 0) << run.out;
+    EXPECT_EQ(summary.at("cells").at("lost"), 0) << run.out;
+    EXPECT_GT(summary.at("cells").at("passed"), 5) << run.out;
+    EXPECT_GT(summary.at("cells").at("refused"), 2) << run.out;
+  }
+  ExpectRefused("extremes", "--only=nothing", "unknown extreme");
+  ExpectRefused("extremes", "--extreme=overflow --solver=fire", "other units");
+}
+
+TEST_F(Cli, TradeoffMeasuresErrorsThatFallWithTheTolerance) {
+  const Outcome run = Do("tradeoff",
+                         "--smoke --particles=128 --solvers=\"lbfgs;newton\" "
+                         "--precisions=double --out=good");
+  ASSERT_EQ(run.status, 0) << run.out << run.err;
+  std::istringstream csv(Slurp(folder_ + "/good/tradeoff.csv"));
+  std::string line;
+  std::getline(csv, line);
+  std::map<std::string, double> last;
+  int rows = 0;
+  while (std::getline(csv, line)) {
+    std::vector<std::string> fields;
+    std::istringstream parts(line);
+    for (std::string field; std::getline(parts, field, ',');) {
+      fields.push_back(field);
+    }
+    ASSERT_EQ(fields.size(), 16u) << line;
+    if (fields[6] != "1") continue;
+    const std::string run_of = fields[0] + fields[2];
+    const double error = std::stod(fields[11]);  // of the pressure
+    if (last.count(run_of) > 0) {
+      EXPECT_LE(error, last[run_of]) << line;
+    }
+    last[run_of] = error;
+    ++rows;
+  }
+  EXPECT_GE(rows, 40);
+  for (const auto& [name, error] : last) EXPECT_LE(error, 1e-12) << name;
+
+  const Outcome advice =
+      Do("tradeoff",
+         "--input=" GRANOPT_TEST_DATA
+         "/n256_phi0.8438_a2_relaxed.xyz --case=simple_shear=1e-4 "
+         "--recommend --accuracy=1e-6 --solvers=\"lbfgs;newton\" --out=good");
+  ASSERT_EQ(advice.status, 0) << advice.out << advice.err;
+  const auto summary =
+      nlohmann::json::parse(Slurp(folder_ + "/good/summary.json"));
+  // The flags are those of relax.
+  const Outcome relax =
+      Do("relax",
+         "--input=" GRANOPT_TEST_DATA
+         "/n256_phi0.8438_a2_relaxed.xyz --simple_shear=1e-4 --out=relaxed " +
+             summary.at("recommended").get<std::string>());
+  EXPECT_EQ(relax.status, 0) << relax.err;
+  ExpectRefused("tradeoff", "--case=random=1e-4", "--input");
+  ExpectRefused("tradeoff", "--observable=colour", "--observable");
+  ExpectRefused("tradeoff", "--precisions=half", "--precisions");
+}
+
+TEST_F(Cli, FidelityComparesModelsOnTheSameStarts) {
+  const Outcome run = Do("fidelity", "--smoke --scene=powder --out=good");
+  ASSERT_EQ(run.status, 0) << run.out << run.err;
+  const auto summary =
+      nlohmann::json::parse(Slurp(folder_ + "/good/summary.json"));
+  ASSERT_EQ(summary.at("models").size(), 11u);
+  // Nothing that is there costs less than nothing, and grains that do not touch
+  // dissipate nothing.
+  const auto& free_flight = summary.at("models")[0];
+  EXPECT_EQ(free_flight.at("dissipated").at("mean"), 0.0);
+  EXPECT_EQ(summary.at("models")[5].at("T").at("difference"), 0.0);
+  ASSERT_EQ(Do("fidelity", "--smoke --scene=packing --out=good").status, 0);
+  ExpectRefused("fidelity", "--scene=soup", "--scene");
+  ExpectRefused("fidelity", "--observables=taste", "--observables");
+}
+
 }  // namespace
 }  // namespace granopt
