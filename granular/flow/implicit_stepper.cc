@@ -37,7 +37,8 @@ class ImplicitStepper : public Stepper {
                     state->v.data(),
                     &impacts_);
     }
-    double wanted = std::min(state->step, options_.step);
+    double wanted = options_.is_adaptive ? std::min(state->step, options_.step)
+                                         : options_.step;
     const double floor = options_.floor * options_.step;
     for (int attempt = 0; attempt < options_.max_attempts; ++attempt) {
       const double dt = std::min(wanted, limit);

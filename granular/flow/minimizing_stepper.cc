@@ -215,7 +215,8 @@ class MinimizingStepper : public Stepper {
       scene.FindContacts(state->x.data(), &pairs_);
       FreezeImpacts(pairs_, *impact, stride, state->v.data(), &impacts_);
     }
-    double wanted = std::min(state->step, options_.step);
+    double wanted = options_.is_adaptive ? std::min(state->step, options_.step)
+                                         : options_.step;
     const double floor = options_.floor * options_.step;
     for (int attempt = 0; attempt < options_.max_attempts; ++attempt) {
       const double dt = std::min(wanted, limit);

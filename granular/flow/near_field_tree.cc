@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <map>
 #include <utility>
 
 #include "granular/spatial_order.h"
@@ -31,78 +30,6 @@ struct Cell {
 };
 
 }  // namespace
-
-// Multi-indices up to the order, see TaylorView.
-struct NearFieldTree::Taylor {
-  explicit Taylor(int p) : order(p) {
-    std::map<std::array<int, 3>, int> rank;
-    for (int m = 0; m <= p; ++m) {
-      for (int a = m; a >= 0; --a) {
-        for (int b = m - a; b >= 0; --b) {
-          const std::array<int, 3> n = {a, b, m - a - b};
-          rank[n] = static_cast<int>(index.size());
-          index.push_back(n);
-          degree.push_back(m);
-        }
-      }
-    }
-    const auto find = [&](std::array<int, 3> n, int axis, int less) {
-      n[axis] -= less;
-      return n[axis] < 0 ? -1 : rank.at(n);
-    };
-    double f[kMaxOrder + 1] = {1.0};
-    for (int m = 1; m <= kMaxOrder; ++m) f[m] = m * f[m - 1];
-    for (const auto& n : index) {
-      for (int axis = 0; axis < 3; ++axis) {
-        less_one.push_back(find(n, axis, 1));
-        less_two.push_back(find(n, axis, 2));
-      }
-      factorial.push_back(f[n[0]] * f[n[1]] * f[n[2]]);
-    }
-    const int terms = static_cast<int>(index.size());
-    for (int l = 0; l < terms; ++l) {
-      pair_start.push_back(static_cast<int>(pair_k.size()));
-      for (int k = 0; k < terms; ++k) {
-        if (degree[k] + degree[l] > p) break;
-        pair_k.push_back(k);
-        pair_sum.push_back(rank.at({index[k][0] + index[l][0],
-                                    index[k][1] + index[l][1],
-                                    index[k][2] + index[l][2]}));
-      }
-    }
-    pair_start.push_back(static_cast<int>(pair_k.size()));
-    for (int m = 0; m <= p; ++m) {
-      binomial.push_back(f[p] / (f[m] * f[p - m]));
-    }
-  }
-  int terms() const { return static_cast<int>(index.size()); }
-  TaylorView View() const {
-    return {order,
-            terms(),
-            degree.data(),
-            less_one.data(),
-            less_two.data(),
-            factorial.data(),
-            pair_start.data(),
-            pair_k.data(),
-            pair_sum.data()};
-  }
-  // y^n / n! for all n.
-  void Monomials(const double* y, double* to) const {
-    to[0] = 1.0;
-    for (int n = 1; n < terms(); ++n) {
-      const int axis = less_one[3 * n] >= 0       ? 0
-                       : less_one[3 * n + 1] >= 0 ? 1
-                                                  : 2;
-      to[n] = to[less_one[3 * n + axis]] * y[axis] / index[n][axis];
-    }
-  }
-
-  const int order;
-  std::vector<std::array<int, 3>> index;
-  std::vector<int> degree, less_one, less_two, pair_start, pair_k, pair_sum;
-  std::vector<double> factorial, binomial;
-};
 
 struct NearFieldTree::Workspace {
   std::vector<std::pair<std::uint64_t, int>> order;  // code and grain
@@ -137,7 +64,7 @@ std::unique_ptr<NearFieldTree> NearFieldTree::Create(
   // Measured to be about the cheapest for exponents 1 and 2: half of the time
   // for far cells, a third for near ones.
   const int order = accuracy >= 1e-3 ? 8 : kMaxOrder;
-  tree->taylor_ = std::make_unique<Taylor>(order);
+  tree->taylor_ = std::make_unique<TaylorIndices>(order);
   tree->workspace_ = std::make_unique<Workspace>();
   return tree;
 }
@@ -148,7 +75,7 @@ void NearFieldTree::Forces(const double* x,
                            double* least_distance,
                            double* bound) const {
   Workspace& w = *workspace_;
-  const Taylor& taylor = *taylor_;
+  const TaylorIndices& taylor = *taylor_;
   const int terms = taylor.terms();
   const int p = taylor.order;
   const double* const at[3] = {x, x + stride_, x + 2 * stride_};

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "granular/flow/near_field_loops.h"
+#include "granular/flow/taylor_indices.h"
 
 namespace granopt {
 
@@ -50,7 +51,6 @@ class NearFieldTree {
               double* bound) const;
 
  private:
-  struct Taylor;
   struct Workspace;
   NearFieldTree();
 
@@ -59,7 +59,7 @@ class NearFieldTree {
   int stride_ = 0;
   double accuracy_ = 0.0;
   std::vector<double> weights_;
-  std::unique_ptr<Taylor> taylor_;
+  std::unique_ptr<TaylorIndices> taylor_;
   std::unique_ptr<Workspace> workspace_;
 };
 

@@ -175,6 +175,69 @@ TEST(NearField, InstructionSetsAgreeBitwise) {
   }
 }
 
+// So do the kernels of the multipole method; and a far sum is what its series
+// says: the derivatives of V at the centres, for a source of one moment.
+TEST(NearFieldTree, InstructionSetsAgreeBitwise) {
+  const TaylorIndices taylor(5);
+  for (const RadialLaw& law : {RadialLaw::Powers(0.5, 1.0, 0.25, 2.0),
+                               RadialLaw::Powers(0.4, 1.3, 0.3, 3.7)}) {
+    std::vector<NearFieldLoops> all = {PortableNearFieldLoops(law, false)};
+#ifdef __x86_64__
+    if (Runs(InstructionSet::AVX2)) {
+      all.push_back(Avx2NearFieldLoops(law, false));
+    }
+    if (Runs(InstructionSet::AVX512)) {
+      all.push_back(Avx512NearFieldLoops(law, false));
+    }
+#endif
+    UniformRandom random(3);
+    for (const int sources : {1, 8, 13}) {
+      std::vector<double> offset[3], moments(sources * taylor.terms());
+      std::vector<const double*> of;
+      for (int s = 0; s < sources; ++s) {
+        for (int k = 0; k < 3; ++k) offset[k].push_back(1.0 + random());
+        for (int n = 0; n < taylor.terms(); ++n) {
+          moments[s * taylor.terms() + n] = random();
+        }
+        of.push_back(&moments[s * taylor.terms()]);
+      }
+      const double* const offsets[3] = {
+          offset[0].data(), offset[1].data(), offset[2].data()};
+      const Cloud cloud = RandomCloud(29, 5);
+      std::vector<std::vector<double>> locals, forces;
+      for (const NearFieldLoops& loops : all) {
+        std::vector<double> local(taylor.terms(), 0.0);
+        loops.far(
+            law, taylor.View(), sources, offsets, of.data(), local.data());
+        locals.push_back(local);
+        std::vector<double> f(3 * FlowStride(11), 0.0);
+        double* const parts[3] = {
+            f.data(), f.data() + FlowStride(11), f.data() + 2 * FlowStride(11)};
+        loops.cloud(law, View(cloud, 0.0), 11, true, parts);
+        forces.push_back(f);
+      }
+      for (std::size_t s = 1; s < all.size(); ++s) {
+        EXPECT_EQ(locals[s], locals[0]);
+        EXPECT_EQ(forces[s], forces[0]);
+      }
+    }
+    // V(R - s) = sum D^n V s^n / n!: the sum converges to V elsewhere.
+    const TaylorIndices high(kMaxOrder);
+    std::vector<double> one(high.terms(), 0.0), local(high.terms(), 0.0),
+        y(high.terms());
+    one[0] = 1.0;
+    const double* const unit = one.data();
+    const double R[3] = {1.0, -0.7, 0.4}, s[3] = {0.05, 0.1, -0.08};
+    const double* const offsets[3] = {&R[0], &R[1], &R[2]};
+    all[0].far(law, high.View(), 1, offsets, &unit, local.data());
+    high.Monomials(s, y.data());
+    double sum = 0.0, square = 0.0;
+    for (int n = 0; n < high.terms(); ++n) sum += local[n] * y[n];
+    for (int k = 0; k < 3; ++k) square += (R[k] - s[k]) * (R[k] - s[k]);
+    EXPECT_NEAR(sum, EvaluateLaw(law, std::sqrt(square)).potential, 1e-9);
+  }
+}
+
 TEST(NearField, ThreadsChangeNoBit) {
   const int n = 3000;
   const Cloud cloud = RandomCloud(n, 3);

@@ -465,6 +465,13 @@ TEST(FlowSteppers, ContractionIsOfSecondOrder) {
     return report.iterations;
   };
   using Sweep = StepperOptions::Sweep;
+  // As an independent program counts: Jacobi 12, 8, 6, Gauss-Seidel 10, 7, 6.
+  EXPECT_NEAR(iterations(Sweep::JACOBI, 0.01), 12, 1);
+  EXPECT_NEAR(iterations(Sweep::JACOBI, 0.005), 8, 1);
+  EXPECT_NEAR(iterations(Sweep::JACOBI, 0.0025), 6, 1);
+  EXPECT_NEAR(iterations(Sweep::GAUSS_SEIDEL, 0.01), 10, 1);
+  EXPECT_NEAR(iterations(Sweep::GAUSS_SEIDEL, 0.005), 7, 1);
+  EXPECT_NEAR(iterations(Sweep::GAUSS_SEIDEL, 0.0025), 6, 1);
   int last = 1000;
   for (const double dt : {0.01, 0.005, 0.0025}) {
     const int jacobi = iterations(Sweep::JACOBI, dt);
@@ -527,6 +534,7 @@ TEST(FlowSteppers, RelaxationHelpsWhereStepsAreLong) {
     return report.iterations;
   };
   EXPECT_LT(iterations(1.0, 0.01), iterations(0.7, 0.01));
+  EXPECT_GT(iterations(1.0, 0.03), 1.3 * iterations(0.8, 0.03));
 }
 
 // ------------------------------------------------------------ the same bits
