@@ -2770,12 +2770,13 @@ def TradeoffFigure(arguments):
       everything = []
       for method, (colour, _, marker) in styles.items():
         for kind in Unique(precision):
-          mine = finite & (solver == method) & (precision == kind)
+          mine = here & (solver == method) & (precision == kind)
           xs, ys = [], []
           for level in sorted(set(table["tolerance"][mine]), reverse=True):
             k = mine & (table["tolerance"] == level)
             error = table[name][k].max()
-            if math.isfinite(error):
+            # Where a packing did not get there, there is no error and no time.
+            if math.isfinite(error) and np.isfinite(table["cpu_seconds"][k]).all():
               xs.append(factor * np.median(table["cpu_seconds"][k]))
               ys.append(max(error, FLOOR))
           if not xs:

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "granular/flow/ingredients.h"
+
 namespace granopt {
 
 FrictionImpulse EvaluateFriction(const FrictionOptions& options,
@@ -25,7 +27,9 @@ FrictionImpulse EvaluateFriction(const FrictionOptions& options,
 }
 
 double Restitution(const ImpactOptions& options, double normal_speed) {
-  if (!options.is_velocity_dependent) return options.restitution;
+  if (!kHasRestitutionLaw || !options.is_velocity_dependent) {
+    return options.restitution;
+  }
   return std::max(
       options.restitution * (1.0 - normal_speed / options.velocity_scale),
       std::min(options.least_restitution, options.restitution));
@@ -95,7 +99,7 @@ ImpactWork ApplyImpacts(const std::vector<Impact>& impacts,
       u[k * stride + impact.i] -= p * wi * impact.normal[k];
       u[k * stride + impact.j] += p * wj * impact.normal[k];
     }
-    if (!options.friction.IsPresent()) continue;
+    if (!kHasFriction || !options.friction.IsPresent()) continue;
     for (int k = 0; k < 3; ++k) {
       slide[k] -= approach * impact.normal[k];
       pull[k] -= pull_n * impact.normal[k];

@@ -260,14 +260,14 @@ void FlowScene::Forces(const double* x,
   const std::size_t size = 3 * static_cast<std::size_t>(stride_);
   forces->total.assign(size, 0.0);
   forces->near_field_energy = forces->soft_contact_energy = 0.0;
-  if (near_field_ != nullptr) {
+  if (kHasNearField && near_field_ != nullptr) {
     forces->near_field.resize(size);
     near_field_->Forces(x,
                         forces->near_field.data(),
                         with_energy ? &forces->near_field_energy : nullptr);
     forces->total = forces->near_field;
   }
-  if (options_.soft_contact) {
+  if (kHasSoftContacts && options_.soft_contact) {
     forces->soft_contact.resize(size);
     FindContacts(x, &pairs_);
     forces->soft_contact_energy =
@@ -280,7 +280,7 @@ void FlowScene::Forces(const double* x,
       forces->total[e] += forces->soft_contact[e];
     }
   }
-  if (options_.external) {
+  if (kHasExternalForces && options_.external) {
     double a[3];
     options_.external->At(time, a);
     ForEntries(n_, stride_, [&](int e, int i, int k) {
@@ -439,7 +439,7 @@ void FlowScene::BookDamping(const double* impulse_velocity,
                             const double* u,
                             const double* v,
                             FlowState* state) const {
-  if (options_.damping == 0.0) return;
+  if (!kHasDamping || options_.damping == 0.0) return;
   ForEntries(n_, stride_, [&](int e, int i, int k) {
     if (inverse_mass_[i] == 0.0) return;
     const double impulse = -options_.damping * options_.grains.mass[i] *
@@ -499,7 +499,7 @@ double FlowScene::Closure(const FlowState& state, double kinetic) const {
 bool FlowScene::HasCollapsed(const double* x,
                              double time,
                              std::string* error) const {
-  if (near_field_ == nullptr) return false;
+  if (!kHasNearField || near_field_ == nullptr) return false;
   const double distance = near_field_->LastLeastDistance();
   if (!(distance < kCollapsedDistance * 2.0 * least_radius_) ||
       !(EvaluateLaw(near_field_->law(), distance).force_over_distance > 0.0)) {

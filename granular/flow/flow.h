@@ -21,6 +21,7 @@
 #include "granular/flow/contact_search.h"
 #include "granular/flow/domain.h"
 #include "granular/flow/energy_ledger.h"
+#include "granular/flow/ingredients.h"
 #include "granular/flow/near_field.h"
 #include "granular/flow/soft_contact.h"
 #include "solvers/solver.h"
@@ -121,6 +122,12 @@ class FlowScene {
   // are at one place or (for impacts) overlap.
   bool Begin(double step, FlowState* state, std::string* error) const;
 
+  // False where Forces() would be zero: then they need not be asked for.
+  bool HasForces() const {
+    return (kHasNearField && near_field_ != nullptr) ||
+           (kHasSoftContacts && options_.soft_contact.has_value()) ||
+           (kHasExternalForces && options_.external.has_value());
+  }
   // Pairs that overlap.
   void FindContacts(const double* x, std::vector<ClosePair>* pairs) const;
   // Psi^nf + Psi^soft + Psi^ext at positions x and a time.

@@ -22,12 +22,14 @@ class VerletStepper : public Stepper {
     const std::size_t size = 3 * static_cast<std::size_t>(stride);
     const std::vector<double>& w = scene.inverse_mass();
     const double dt = std::min(options_.step, limit);
-    const double damping = scene.options().damping;
+    const double damping = kHasDamping ? scene.options().damping : 0.0;
+    const bool has_forces = scene.HasForces();
     const auto& impact = scene.options().impact;
 
     // Forces at the start are those at the end of the last step, unless a grain
     // jumped, or the state is another one.
-    if (state->x != evaluated_x_ || state->time != evaluated_time_) {
+    if (has_forces &&
+        (state->x != evaluated_x_ || state->time != evaluated_time_)) {
       scene.Forces(state->x.data(), state->time, false, &before_);
       ++state->sweeps;
     }
@@ -42,33 +44,50 @@ class VerletStepper : public Stepper {
                             dt,
                             stride,
                             w.data(),
-                            before_.total.data(),
+                            has_forces ? before_.total.data() : nullptr,
                             u_.data());
       }
     }
     half_.assign(size, 0.0);
+    v_.assign(size, 0.0);
     x_ = state->x;
     bool is_finite = true;
-    for (int k = 0; k < 3; ++k) {
-      for (int i = 0; i < n; ++i) {
-        const int e = k * stride + i;
-        if (w[i] == 0.0) continue;
-        half_[e] =
-            u_[e] + 0.5 * dt * (before_.total[e] * w[i] - damping * u_[e]);
-        x_[e] += dt * half_[e];
-        is_finite = is_finite && std::isfinite(x_[e]);
+    // Impacts alone: nothing else changes a velocity.
+    const bool is_free = !has_forces && damping == 0.0;
+    if (is_free) {
+      for (int k = 0; k < 3; ++k) {
+        for (int i = 0; i < n; ++i) {
+          const int e = k * stride + i;
+          if (w[i] == 0.0) continue;
+          v_[e] = u_[e];
+          x_[e] += dt * u_[e];
+          is_finite = is_finite && std::isfinite(x_[e]);
+        }
       }
-    }
-    if (is_finite) scene.Forces(x_.data(), state->time + dt, false, &after_);
-    ++state->sweeps;
-    v_.assign(size, 0.0);
-    for (int k = 0; k < 3 && is_finite; ++k) {
-      for (int i = 0; i < n; ++i) {
-        const int e = k * stride + i;
-        if (w[i] == 0.0) continue;
-        v_[e] = (half_[e] + 0.5 * dt * after_.total[e] * w[i]) /
-                (1.0 + 0.5 * dt * damping);
-        is_finite = is_finite && std::isfinite(v_[e]);
+    } else {
+      if (!has_forces) before_.total.assign(size, 0.0);
+      for (int k = 0; k < 3; ++k) {
+        for (int i = 0; i < n; ++i) {
+          const int e = k * stride + i;
+          if (w[i] == 0.0) continue;
+          half_[e] =
+              u_[e] + 0.5 * dt * (before_.total[e] * w[i] - damping * u_[e]);
+          x_[e] += dt * half_[e];
+          is_finite = is_finite && std::isfinite(x_[e]);
+        }
+      }
+      if (is_finite) {
+        scene.Forces(x_.data(), state->time + dt, false, &after_);
+      }
+      ++state->sweeps;
+      for (int k = 0; k < 3 && is_finite; ++k) {
+        for (int i = 0; i < n; ++i) {
+          const int e = k * stride + i;
+          if (w[i] == 0.0) continue;
+          v_[e] = (half_[e] + 0.5 * dt * after_.total[e] * w[i]) /
+                  (1.0 + 0.5 * dt * damping);
+          is_finite = is_finite && std::isfinite(v_[e]);
+        }
       }
     }
     if (!is_finite) {
@@ -84,18 +103,22 @@ class VerletStepper : public Stepper {
           closest.c_str());
       return false;
     }
-    scene.Book(before_, 0.5 * dt, u_.data(), v_.data(), state);
-    scene.Book(after_, 0.5 * dt, u_.data(), v_.data(), state);
-    scene.BookDamping(u_.data(), 0.5 * dt, u_.data(), v_.data(), state);
-    scene.BookDamping(v_.data(), 0.5 * dt, u_.data(), v_.data(), state);
+    if (!is_free) {
+      scene.Book(before_, 0.5 * dt, u_.data(), v_.data(), state);
+      scene.Book(after_, 0.5 * dt, u_.data(), v_.data(), state);
+      scene.BookDamping(u_.data(), 0.5 * dt, u_.data(), v_.data(), state);
+      scene.BookDamping(v_.data(), 0.5 * dt, u_.data(), v_.data(), state);
+    }
     state->energy.impact += work.normal;
     state->energy.friction += work.friction;
     state->impulses += work.impulses;
     state->sticking += work.sticking;
-    state->worst_balance =
-        std::max(state->worst_balance, scene.Balance(after_));
+    if (!is_free) {
+      state->worst_balance =
+          std::max(state->worst_balance, scene.Balance(after_));
+    }
     state->fast += scene.LargestMove(v_.data(), dt) > 1.0 ? 1 : 0;
-    end_x_ = x_;
+    if (has_forces) end_x_ = x_;
     state->x.swap(x_);
     state->v.swap(v_);
     state->time += dt;
