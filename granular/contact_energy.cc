@@ -105,6 +105,9 @@ std::unique_ptr<ContactEnergy> ContactEnergy::Create(
     *error = std::to_string(packing.size()) + " grains are too many";
     return nullptr;
   }
+  std::unique_ptr<ContactEnergy> energy(new ContactEnergy(packing, options));
+  const std::vector<double> zero(energy->NumParameters(), 0.0);
+  if (!energy->BuildList(zero.data(), error)) return nullptr;
   // Products of energies near the limits of double would be zero or infinite.
   const double radius = packing.MeanRadius();
   for (const double k :
@@ -123,9 +126,6 @@ std::unique_ptr<ContactEnergy> ContactEnergy::Create(
         1.0 / kSmallestUnit);
     return nullptr;
   }
-  std::unique_ptr<ContactEnergy> energy(new ContactEnergy(packing, options));
-  const std::vector<double> zero(energy->NumParameters(), 0.0);
-  if (!energy->BuildList(zero.data(), error)) return nullptr;
   return energy;
 }
 
