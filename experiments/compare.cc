@@ -2,7 +2,7 @@
 //
 //   compare --solvers="label@spec;spec;..." --cases=growth,simple_shear,random
 //           --input=F.xyz | --particles=N --phi=P --seeds=1-3
-//           --repetitions=3 --tolerance=1e-10 | --paper=table1|fig2
+//           --repetitions=3 --tolerance=1e-10 | --paper=table1|fig2|fig7
 //           --out=DIR [--resume]
 //   compare --cases=near_jamming=1e-6,near_jamming=0.3x --steps=10
 //           --reference=LABEL ...
@@ -95,10 +95,11 @@ DEFINE_string(baseline,
               "",
               "label of the method that times are divided by; default: the "
               "first");
-DEFINE_string(paper,
-              "",
-              "the paper's parameters: table1 or fig2 (each can be changed by "
-              "its flag)");
+DEFINE_string(
+    paper,
+    "",
+    "the paper's parameters: table1, fig2 or fig7 (each can be changed by "
+    "its flag)");
 DEFINE_string(replot,
               "",
               "folder of an earlier comparison: make its tables and figures "
@@ -131,6 +132,13 @@ constexpr char kFig2Solvers[] =
     "FR-CG@ncg:beta=fr;"
     "P-FR-CG@ncg:beta=fr,preconditioner=laplacian";
 
+// FR-CG where the paper has none, second-order methods and `auto` beside.
+constexpr char kFig7Solvers[] =
+    "L-BFGS@lbfgs:memory=5;"
+    "P-L-BFGS (A = 0)@lbfgs:memory=5,scaling=paper,preconditioner=laplacian,"
+    "A=0;"
+    "FR-CG@ncg:beta=fr;newton;interior_point;auto";
+
 // ---------------------------------------------------------------- figures
 
 // The files of the figures of that many cases.
@@ -147,16 +155,10 @@ void AddPictures(int cases, std::vector<std::string>* names) {
   add("quality");
   add("distances");
   add("distances_non_rearranging");
+  add("fig7");
 }
 
 }  // namespace
-
-double CpuSeconds() {
-  std::timespec now;
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) +
-         1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 double WallSeconds() {
   return std::chrono::duration<double>(
@@ -259,6 +261,9 @@ void Draw(const ComparisonSetup& setup,
   if (all.size() > 1) {
     draw("distances",
          {"distances", table, output->Path("distances"), "--steps=all"});
+    if (setup.paper == "fig7") {
+      draw("fig7", {"fig7", table, output->Path("fig7")});
+    }
   }
   if (plain.size() > 1) {
     const std::string name = "distances_non_rearranging";
@@ -432,20 +437,6 @@ struct Start {
   // Of a shear step near jamming: where it was prepared to end.
   std::unique_ptr<ShearStep> step;
 };
-
-Load LoadOf(const Case& c) {
-  Load load;
-  if (c.kind == "growth" || c.kind == "fig2") {
-    load.radius_factor = 1.0 + c.value;
-  } else if (c.kind == "simple_shear" || c.kind == "near_jamming") {
-    load.simple_shear = c.kind == "near_jamming" ? StrainOf(c) : c.value;
-  } else if (c.kind == "pure_shear") {
-    load.pure_shear = c.value;
-  } else if (c.kind == "random") {
-    load.perturbation = c.value;
-  }
-  return load;
-}
 
 // The seeds of a case: with an input only random displacements depend on one.
 std::vector<std::uint64_t> SeedsOf(const ComparisonSetup& setup,
@@ -711,6 +702,18 @@ void AddAssumptions(Plan* plan) {
                          Preparation::kStep) +
                   plan->prepare->name());
     rows.emplace_back("phi of the caption", "that before the radii grow");
+  } else if (setup.paper == "fig7") {
+    rows.emplace_back("the packings",
+                      !FLAGS_input.empty()
+                          ? "the input " + FLAGS_input
+                          : random +
+                                "; relaxed above jamming, followed down to "
+                                "phi_J, compressed from distance to distance");
+    rows.emplace_back("strains of 1e-6 to 1e-5 in 10 steps",
+                      "ten steps of 1e-6, each from the state before");
+    rows.emplace_back("the methods",
+                      "the paper has the first two; its error bars are "
+                      "standard deviations here");
   } else {
     rows.emplace_back("the over-jammed state",
                       !FLAGS_input.empty()
@@ -739,20 +742,39 @@ void ApplyPreset(Plan* plan) {
   setup.paper = FLAGS_paper;
   if (!FLAGS_paper.empty()) {
     const bool table1 = FLAGS_paper == "table1";
-    if (!table1 && FLAGS_paper != "fig2") {
-      BadInput("--paper=" + FLAGS_paper + " must be table1 or fig2");
+    const bool fig7 = FLAGS_paper == "fig7";
+    if (!table1 && !fig7 && FLAGS_paper != "fig2") {
+      BadInput("--paper=" + FLAGS_paper + " must be table1, fig2 or fig7");
     }
     if (!IsGiven("solvers")) {
-      FLAGS_solvers = table1 ? kTable1Solvers : kFig2Solvers;
+      FLAGS_solvers = table1 ? kTable1Solvers
+                      : fig7 ? kFig7Solvers
+                             : kFig2Solvers;
     }
     if (!IsGiven("cases")) {
-      FLAGS_cases = table1 ? "growth,simple_shear,random" : "fig2";
+      FLAGS_cases = table1 ? "growth,simple_shear,random"
+                    : fig7 ? "near_jamming=1e-6"
+                           : "fig2";
+    }
+    if (fig7) {
+      if (!IsGiven("distances")) {
+        FLAGS_distances =
+            FLAGS_smoke ? "1e-2,1e-3,1e-4" : "1e-2,1e-3,1e-4,1e-5,1e-6";
+      }
+      if (!IsGiven("steps")) FLAGS_steps = FLAGS_smoke ? 2 : 10;
+      // Set as by the user: IsGiven() decides whether there is a list.
+      if (!IsGiven("seeds") && !IsGiven("seed") && FLAGS_input.empty()) {
+        gflags::SetCommandLineOption("seeds", FLAGS_smoke ? "1-2" : "1-10");
+      }
+      if (!IsGiven("repetitions")) FLAGS_repetitions = 1;
     }
     if (!IsGiven("particles") && FLAGS_input.empty() && !FLAGS_smoke) {
       FLAGS_particles = 4096;
     }
     if (!IsGiven("max_evaluations")) FLAGS_max_evaluations = kPaperEvaluations;
     setup.levels = {{true, 1e-13}};
+    // An absolute one would be four digits at 1e-2 and none at 1e-6.
+    if (fig7) setup.levels = {{false, 1e-7}};
     if (table1) {
       setup.levels.push_back({true, 1e-10});
       setup.levels.push_back({false, 1e-6});

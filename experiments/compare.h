@@ -27,7 +27,6 @@ DECLARE_string(protocol);
 
 namespace granopt {
 
-double CpuSeconds();
 double WallSeconds();
 bool Exists(const std::string& path);
 

@@ -1179,6 +1179,22 @@ MedianWorst MedianAndWorst(const std::vector<double>& values) {
   return {Median(values), *std::max_element(values.begin(), values.end())};
 }
 
+MeanDeviation MeanAndDeviation(const std::vector<double>& values) {
+  MeanDeviation result = {kNan, kNan};
+  if (values.empty()) return result;
+  double sum = 0.0;
+  for (const double value : values) sum += value;
+  const double n = static_cast<double>(values.size());
+  result.mean = sum / n;
+  if (values.size() < 2) return result;
+  double squares = 0.0;
+  for (const double value : values) {
+    squares += (value - result.mean) * (value - result.mean);
+  }
+  result.deviation = std::sqrt(squares / (n - 1.0));
+  return result;
+}
+
 namespace {
 
 using StepPlace = std::tuple<std::string, std::uint64_t, int>;
@@ -1299,6 +1315,8 @@ StepRow MakeStepRow(const ComparisonSetup& setup,
                                          &row.spent_linear_iterations,
                                          &row.spent_seconds};
   for (int k = 0; k < kColumns; ++k) *fields[k] = MedianAndWorst(columns[k]);
+  row.mean_iterations = MeanAndDeviation(columns[6]);
+  row.mean_seconds = MeanAndDeviation(columns[11]);
   return row;
 }
 
@@ -1378,8 +1396,8 @@ std::string StepTablesCsv(const std::vector<StepTable>& tables) {
       "factorizations_worst,linear_iterations,linear_iterations_worst,"
       "cpu_seconds,cpu_seconds_worst,spent_iterations,spent_iterations_worst,"
       "spent_factorizations,spent_factorizations_worst,spent_seconds,"
-      "spent_seconds_worst,same_minimum,judged,energy_difference,lower,"
-      "higher\n";
+      "spent_seconds_worst,iterations_mean,iterations_deviation,seconds_mean,"
+      "seconds_deviation,same_minimum,judged,energy_difference,lower,higher\n";
   for (const StepTable& table : tables) {
     const Case& c = table.table_case;
     for (const StepRow& row : table.rows) {
@@ -1400,6 +1418,10 @@ std::string StepTablesCsv(const std::vector<StepTable>& tables) {
                                        &row.spent_factorizations,
                                        &row.spent_seconds}) {
         csv += Format("%.9g,%.9g,", value->median, value->worst);
+      }
+      for (const MeanDeviation* value :
+           {&row.mean_iterations, &row.mean_seconds}) {
+        csv += Format("%.9g,%.9g,", value->mean, value->deviation);
       }
       csv += Format("%d,%d,%.4g,%d,%d\n",
                     row.same,

@@ -395,6 +395,11 @@ struct MedianWorst {
 };
 MedianWorst MedianAndWorst(const std::vector<double>& values);
 
+struct MeanDeviation {
+  double mean = 0.0, deviation = 0.0;  // with n - 1; NaN without values, of one
+};
+MeanDeviation MeanAndDeviation(const std::vector<double>& values);
+
 struct StepRow {
   Method method;
   int steps = 0;
@@ -405,6 +410,8 @@ struct StepRow {
   // What was spent, reached or not.
   MedianWorst spent_iterations, spent_evaluations, spent_hessians,
       spent_factorizations, spent_linear_iterations, spent_seconds;
+  // Of the same, as in the paper's Fig. 7.
+  MeanDeviation mean_iterations, mean_seconds;
   // Steps whose minimum is the reference's, of those in which both are known.
   int same = 0, judged = 0;
   // (E - E_ref) / max(E, E_ref) at the end of runs, of those with one of the

@@ -1,20 +1,14 @@
 #include "experiments/ensemble.h"
 
-#include <sys/stat.h>
-
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
-#include <fstream>
-#include <iterator>
 #include <limits>
 #include <sstream>
 
+#include "experiments/children.h"
 #include "experiments/comparison.h"
 #include "experiments/distributions.h"
-#include "experiments/jobs.h"
 #include "experiments/scene.h"
 #include "granular/packing_io.h"
 
@@ -36,52 +30,13 @@ constexpr int kMaxJobs = 1024;
 constexpr int kMaxSize = 10000000;
 
 // Flags that each child gets from its parent, or must not get.
-const char* const kOwnFlags[] = {
+const std::vector<std::string> kOwnFlags = {
     "seeds", "sizes", "jobs", "seed", "particles", "out", "pictures", "resume"};
-
-bool IsOwn(const std::string& name) {
-  return std::find(std::begin(kOwnFlags), std::end(kOwnFlags), name) !=
-         std::end(kOwnFlags);
-}
 
 std::string NameOf(const Member& member) {
   return Format("n%d_seed%llu",
                 member.particles,
                 static_cast<unsigned long long>(member.seed));
-}
-
-// Without the flags that do not change the result.
-std::vector<std::string> ThatMatter(const std::vector<std::string>& words) {
-  std::vector<std::string> kept;
-  for (const std::string& word : words) {
-    if (word.rfind("--out=", 0) != 0 && word.rfind("--resume", 0) != 0) {
-      kept.push_back(word);
-    }
-  }
-  return kept;
-}
-
-// False where there is no summary.json that can be parsed.
-bool ReadSummary(const std::string& folder, Json* json) {
-  std::ifstream file(folder + "/summary.json");
-  std::stringstream text;
-  text << file.rdbuf();
-  *json = Json::parse(text.str(), nullptr, /*allow_exceptions=*/false);
-  return !json->is_discarded() && json->is_object();
-}
-
-// True if the run that left `json` was given these words.
-bool IsOf(const Json& json, const std::vector<std::string>& arguments) {
-  try {
-    std::vector<std::string> command =
-        json.at("provenance").at("command").get<std::vector<std::string>>();
-    if (command.empty() || json.value("interrupted", false)) return false;
-    command.erase(command.begin());
-    return ThatMatter(command) ==
-           ThatMatter({arguments.begin() + 1, arguments.end()});
-  } catch (const Json::exception&) {
-    return false;
-  }
 }
 
 void ReadMember(const Json& json, Member* member) {
@@ -111,15 +66,6 @@ void ReadMember(const Json& json, Member* member) {
   } catch (const Json::exception& exception) {
     member->failure = std::string("summary.json: ") + exception.what();
   }
-}
-
-std::string LastLine(const std::string& path) {
-  std::ifstream file(path);
-  std::string last;
-  for (std::string line; std::getline(file, line);) {
-    if (!line.empty()) last = line;
-  }
-  return last;
 }
 
 // What the packing of `member` has to say about forces and gaps.
@@ -266,7 +212,7 @@ void PrintSizes(const std::vector<SizeStatistics>& sizes) {
 
 }  // namespace
 
-Ensemble ReadEnsembleFlags() {
+Ensemble ReadEnsembleFlags(const std::vector<std::string>& own) {
   Ensemble ensemble;
   ensemble.asked = IsGiven("seeds");
   if (!ensemble.asked) {
@@ -325,16 +271,9 @@ Ensemble ReadEnsembleFlags() {
   gflags::CommandLineFlagInfo info;
   ensemble.resume = gflags::GetCommandLineFlagInfo("resume", &info) &&
                     info.current_value == "true";
-  std::vector<gflags::CommandLineFlagInfo> all;
-  gflags::GetAllFlags(&all);
-  for (const auto& flag : all) {
-    // Not those of gflags and glog themselves.
-    if (flag.is_default || IsOwn(flag.name) ||
-        flag.filename.find("experiments/") == std::string::npos) {
-      continue;
-    }
-    ensemble.passed.push_back("--" + flag.name + "=" + flag.current_value);
-  }
+  std::vector<std::string> not_passed = kOwnFlags;
+  not_passed.insert(not_passed.end(), own.begin(), own.end());
+  ensemble.passed = PassedFlags(not_passed);
   return ensemble;
 }
 
@@ -442,51 +381,21 @@ int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
                                        "finite_size.svg",
                                        "finite_size.png"}));
   std::vector<Member> members;
-  std::vector<Job> jobs;
-  std::vector<std::size_t> member_of_job;
-  int reused = 0;
+  std::vector<Child> children;
   for (std::size_t k = 0; k < sizes.size(); ++k) {
-    const int size = sizes[k];
     for (std::size_t n = 0; n < seeds_of_size[k]; ++n) {
-      const std::uint64_t seed = ensemble.seeds[n];
       Member member;
-      member.particles = size;
-      member.seed = seed;
-      Job job;
-      job.name = NameOf(member);
-      const std::string folder = output.Path(job.name);
-      job.program = kThisProgram;
-      job.log = folder + "/log.txt";
-      job.weight = std::pow(size, 1.5);
-      job.arguments = {
-          "jamming",
-          Format("--seed=%llu", static_cast<unsigned long long>(seed)),
-          Format("--particles=%d", size),
-          "--out=" + folder,
-          "--pictures=false"};
-      job.arguments.insert(
-          job.arguments.end(), ensemble.passed.begin(), ensemble.passed.end());
-      Json json;
-      const bool ended = ReadSummary(folder, &json);
-      const bool complete =
-          ensemble.resume && ended && IsOf(json, job.arguments);
-      if (complete) {
-        ++reused;
-      } else {
-        if (mkdir(folder.c_str(), 0755) != 0 && errno != EEXIST) {
-          BadInput("--out: cannot create folder '" + folder +
-                   "': " + std::strerror(errno));
-        }
-        // What an earlier run left behind must not be taken for the result of
-        // one that did not get that far.
-        std::remove((folder + "/summary.json").c_str());
-        // A run that ended was one with other flags: there is nothing to go on
-        // from.
-        if (ensemble.resume && !ended) job.arguments.push_back("--resume");
-        member_of_job.push_back(members.size());
-        jobs.push_back(job);
-      }
+      member.particles = sizes[k];
+      member.seed = ensemble.seeds[n];
       members.push_back(member);
+      Child child;
+      child.name = NameOf(member);
+      child.arguments = ensemble.passed;
+      child.arguments.push_back(
+          Format("--seed=%llu", static_cast<unsigned long long>(member.seed)));
+      child.arguments.push_back(Format("--particles=%d", member.particles));
+      child.weight = std::pow(member.particles, 1.5);
+      children.push_back(child);
     }
   }
   const int d = FLAGS_dimension;
@@ -496,65 +405,24 @@ int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
               FLAGS_seeds.c_str());
   for (const int size : sizes) std::printf(" %d", size);
   std::printf("; %d at a time\n", ensemble.jobs);
-  if (reused > 0) {
-    std::printf("          %d of them complete, not run again\n", reused);
-  }
-  std::fflush(stdout);
 
   bool interrupted = false;
-  std::vector<JobOutcome> outcomes;
-  {
-    Progress progress;
-    outcomes = RunJobs(
-        jobs,
-        ensemble.jobs,
-        [&progress](const JobProgress& p) {
-          if (!progress.Due()) return;
-          std::string line = Format("%d of %d runs done, %d running, %.0f s",
-                                    p.done,
-                                    p.total,
-                                    p.running,
-                                    p.seconds);
-          if (p.interrupted) {
-            line += "; interrupted, waiting for those to end";
-          } else if (p.done > 0) {
-            line += Format(", about %.0f s left", p.seconds_left);
-          }
-          progress.Show(line);
-        },
-        &interrupted);
-  }
-  for (std::size_t k = 0; k < jobs.size(); ++k) {
-    const JobOutcome& outcome = outcomes[k];
-    if (outcome.state == JobOutcome::EXITED &&
-        (outcome.status == kConverged || outcome.status == kNotConverged)) {
-      continue;
-    }
-    Member& member = members[member_of_job[k]];
-    member.failure = Describe(outcome);
-    if (outcome.state == JobOutcome::NOT_STARTED) continue;
-    const std::string last = LastLine(jobs[k].log);
-    if (outcome.state == JobOutcome::EXITED && !last.empty()) {
-      member.failure += ": " + last;
-    }
-    std::fprintf(stderr,
-                 "jamming: %s: %s\n",
-                 jobs[k].name.c_str(),
-                 member.failure.c_str());
-  }
-
+  const std::vector<ChildResult> results = RunChildren("jamming",
+                                                       children,
+                                                       ensemble.jobs,
+                                                       ensemble.resume,
+                                                       /*children_resume=*/true,
+                                                       output,
+                                                       &interrupted);
   std::vector<PackingSamples> samples;
-  for (Member& member : members) {
+  for (std::size_t k = 0; k < members.size(); ++k) {
+    Member& member = members[k];
+    member.failure = results[k].failure;
     if (!member.failure.empty()) continue;
-    const std::string folder = output.Path(NameOf(member));
-    Json json;
-    if (!ReadSummary(folder, &json)) {
-      member.failure = "no summary.json that can be read";
-      continue;
-    }
-    ReadMember(json, &member);
+    ReadMember(results[k].summary, &member);
     PackingSamples s;
-    if (member.complete && ReadSamples(folder, energy, &member, &s)) {
+    if (member.complete &&
+        ReadSamples(output.Path(NameOf(member)), energy, &member, &s)) {
       samples.push_back(std::move(s));
     }
   }

@@ -1,4 +1,4 @@
-// granopt: the jamming points of many packings: `jamming --seeds=1-20`.
+// granopt: many packings, --seeds=1-20, and their jamming points.
 
 #ifndef GRANOPT_EXPERIMENTS_ENSEMBLE_H_
 #define GRANOPT_EXPERIMENTS_ENSEMBLE_H_
@@ -27,8 +27,8 @@ struct Ensemble {
 };
 
 // Call it after ParseFlags() and before a flag is changed; BadInput for values
-// that make no sense.
-Ensemble ReadEnsembleFlags();
+// that make no sense. Children do not get the flags `own` of the binary.
+Ensemble ReadEnsembleFlags(const std::vector<std::string>& own = {});
 
 // Of one packing, from the summary.json of its run.
 struct Member {

@@ -16,6 +16,8 @@
         of `compare`: the residual that a number of evaluations, a CPU time buys
     plot.py distances STEP_TABLES.csv OUT [--steps=all] [--level=relative:1e-10 ...]
         of `compare`: what shear steps cost against the distance to jamming
+    plot.py fig7 STEP_TABLES.csv OUT [--level=relative:1e-7]
+        of `compare --paper=fig7`: means and standard deviations of the same
     plot.py profile PROFILE.csv OUT
         of `compare`: the part of the problems within a factor of the cheapest method
     plot.py quality QUALITY.csv OUT
@@ -30,8 +32,20 @@
     plot.py finite_size SIZES.csv OUT [--dimension=2]
             [--fit=PHI,ERROR,C,ERROR,EXPONENT]
         mean phi_J against the number of grains, and PHI - C N^-EXPONENT
-    plot.py scaling SCALING.csv OUT
-        what a grain costs against the number of grains (experiments/scaling.sh)
+    plot.py grain_cost GRAIN_COST.csv OUT
+        what a grain costs against the number of grains (experiments/grain_cost.sh)
+    plot.py laws STATES.csv OUT [--exponents=EXPONENTS.csv]
+        of `scaling`: pressure, moduli, coordination against the distance to jamming
+    plot.py collapse STATES.csv OUT
+        of `scaling`: shear modulus and excess contacts of all sizes against P N^2
+    plot.py vibrations SPECTRUM.csv OUT
+        of `scaling`: density of states and participation ratios
+    plot.py tradeoff TRADEOFF.csv OUT
+        of `tradeoff`: the error of what users want against CPU time
+    plot.py phi_j JAMMING.csv OUT
+        of `tradeoff`: what sharper jamming points cost
+    plot.py extremes EXTREMES.csv OUT
+        of `extremes`: what became of every method at every extreme
     plot.py distributions FORCES.csv GAPS.csv DISTRIBUTIONS.csv OUT
         cumulative distributions of weak forces and small gaps
     plot.py flow_start START.xyz OUT
@@ -314,6 +328,13 @@ def Scientific(value):
     return "%.3g" % value
   mantissa, exponent = ("%.2e" % value).split("e")
   return r"%s\times10^{%d}" % (mantissa, int(exponent))
+
+
+def Power(value):
+  """10^-4, or 3 x 10^-4, as mathtext without the dollars."""
+  exponent = math.floor(math.log10(value) + 1e-9)
+  mantissa = "%.3g" % (value / 10.0**exponent)
+  return r"%s10^{%d}" % ("" if mantissa == "1" else mantissa + r"\times", exponent)
 
 
 def Describe(packing, contacts):
@@ -1484,6 +1505,60 @@ def DistancesFigure(arguments):
   return figure
 
 
+def Fig7Figure(arguments):
+  path = arguments.table
+  panels = (("iterations", "iterations"), ("seconds", "CPU time / s"))
+  numbers = [name + end for name, _ in panels for end in ("_mean", "_deviation")]
+  table = ReadTable(path, ("asked_distance", "kind", "level", "steps_kind", "solver",
+                           "steps", "failed", *numbers),
+                    words=("kind", "solver", "steps_kind"))
+  absolute, level = Levels(arguments)[0]
+  chosen = np.array(table["steps_kind"]) == "all"
+  chosen &= np.array(table["kind"]) == ("absolute" if absolute else "relative")
+  if level is not None:
+    chosen &= np.isclose(table["level"], level, rtol=1e-9, atol=0)
+  if not chosen.any():
+    raise InputError("%s: no rows at that level" % path)
+  table = {name: (np.array(column) if isinstance(column, list) else column)[chosen]
+           for name, column in table.items()}
+  styles = MethodStyles(Unique(table["solver"]))
+  width, height = 12.2, 6.4
+  figure, axes = plt.subplots(
+      1, 2, figsize=(width, height),
+      gridspec_kw=dict(left=0.9 / width, right=1 - 0.25 / width, top=1 - 0.75 / height,
+                       bottom=1.5 / height, wspace=0.18))
+  x_low, x_high = Span(table["asked_distance"])
+  for ax, (name, label) in zip(axes, panels):
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    mean, deviation = table[name + "_mean"], table[name + "_deviation"]
+    for k, (method, (colour, dashes, marker)) in enumerate(styles.items()):
+      mine = np.nonzero(table["solver"] == method)[0]
+      x = table["asked_distance"][mine] * 10**(0.035 * (k - (len(styles) - 1) / 2))
+      y, spread = mean[mine], np.nan_to_num(deviation[mine])
+      ax.errorbar(x, y, yerr=(np.minimum(spread, 0.9 * y), spread), color=colour,
+                  linestyle=dashes, linewidth=1.3, marker=marker, markersize=6.5,
+                  elinewidth=1.0, capsize=3, zorder=4)
+    low, high = Span(np.concatenate([mean[mean > 0], (mean + np.nan_to_num(deviation))]))
+    ax.set_xlim(10**x_low, 10**x_high)
+    ax.set_ylim(10**low, 10**high)
+    Decades(ax.xaxis, x_low, x_high)
+    Decades(ax.yaxis, low, high)
+    ax.set_xlabel(r"distance to jamming  $\phi - \phi_J$")
+    ax.set_ylabel(label)
+  FinishPanels(axes)
+  MethodLegend(figure, styles, markers=True)
+  failed = int(table["failed"].sum())
+  ReadingHelp(figure, "The paper\u2019s Fig. 7: means over %d shear steps at each distance; bars: "
+              "standard deviations, over packings and steps, downwards at most to a tenth. The "
+              "paper\u2019s own curves, the first two, fall from 10\u00b3\u201310\u2074 iterations at 1e-6 to "
+              "hundreds at 1e-2.%s" %
+              (table["steps"].max(),
+               " %d runs that gave up count with what they spent." % failed
+               if failed else ""), left=0.9)
+  return figure
+
+
 def StrainTitle(shear):
   """`1e-6`, `0.3x` in words."""
   if shear.endswith("x"):
@@ -2240,7 +2315,7 @@ def FiniteSizeFigure(arguments):
   return figure
 
 
-def ScalingFigure(arguments):
+def GrainCostFigure(arguments):
   path = arguments.table
   table = ReadTable(path, ("particles", "method", "threads", "evaluations", "seconds",
                            "energy_seconds", "peak_bytes"), words=("method",))
@@ -2294,6 +2369,462 @@ def ScalingFigure(arguments):
               "neighbours that this needs. Small packings live in caches, large ones wait "
               "for memory. Right: all that the process takes, libraries included; dashed: "
               "a kilobyte a grain.", left=0.95)
+  return figure
+
+
+LAWS = (("pressure", "pressure  $p$", "Fig. 4"), ("shear", "shear modulus  $G$ (13)", "Fig. 5"),
+        ("excess", r"excess contacts  $z - z_{\rm iso}$", "Fig. 6"),
+        ("bulk", r"bulk modulus  $B$ (12)", ""))
+ALPHA_COLOURS = (BLUE, VERMILION, GREEN, PURPLE)
+
+
+def Claimed(name, alpha):
+  """The exponent that the paper finds; for B the theory's."""
+  return {"pressure": alpha - 1, "shear": alpha - 1.5, "excess": 0.5,
+          "bulk": alpha - 2}[name]
+
+
+def Shade(colour):
+  return Mix(colour, "#FFFFFF", 0.45)
+
+
+def LawsFigure(arguments):
+  path = arguments.table
+  table = ReadTable(path, ("particles", "alpha", "asked", "distance") +
+                    tuple(law[0] for law in LAWS))
+  if not len(table["alpha"]):
+    raise InputError("%s: no rows" % path)
+  fits = {}
+  if arguments.exponents:
+    rows = ReadTable(arguments.exponents,
+                     ("quantity", "alpha", "particles", "exponent", "low", "high",
+                      "prefactor", "from", "to", "distances"), words=("quantity",))
+    for k, name in enumerate(rows["quantity"]):
+      fits[name, rows["alpha"][k], rows["particles"][k]] = {
+          key: rows[key][k] for key in rows if key != "quantity"}
+  size = table["particles"].max()
+  of_size = table["particles"] == size
+  alphas = sorted(set(table["alpha"][of_size]))
+  colours = {alpha: ALPHA_COLOURS[k % 4] for k, alpha in enumerate(alphas)}
+  width, height = 12.2, 9.6
+  figure, axes = plt.subplots(
+      2, 2, figsize=(width, height), sharex=True,
+      gridspec_kw=dict(left=0.95 / width, right=1 - 0.25 / width, top=1 - 0.8 / height,
+                       bottom=1.45 / height, wspace=0.2, hspace=0.1))
+  packings, negative = 0, False
+  for ax, (name, label, paper) in zip(axes.flat, LAWS):
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    lines = []
+    for alpha in alphas:
+      chosen = of_size & (table["alpha"] == alpha)
+      x, y, asked = (table[key][chosen] for key in ("distance", name, "asked"))
+      good = y > 0
+      ax.plot(x[good], y[good], "o", color=Shade(colours[alpha]), markersize=3.2,
+              markeredgewidth=0, zorder=2)
+      if name == "shear" and (~good).any():
+        negative = True
+        ax.plot(x[~good], -y[~good], "v", color="white", markersize=5,
+                markeredgecolor=Shade(colours[alpha]), zorder=2)
+      levels = sorted(set(asked))
+      middle_x = np.array([np.median(x[asked == level]) for level in levels])
+      middle_y = np.array([np.median(y[asked == level]) for level in levels])
+      packings = max(packings, int((asked == levels[0]).sum()))
+      up = middle_y > 0
+      ax.plot(middle_x[up], middle_y[up], "o", color=colours[alpha], markersize=7.5,
+              markeredgecolor="white", markeredgewidth=0.8, zorder=5)
+      fit = fits.get((name, alpha, size))
+      text = r"$\alpha = %g$" % alpha
+      if fit and fit["distances"] >= 2:
+        ends = np.array([fit["from"], fit["to"]])
+        ax.plot(ends, fit["prefactor"] * ends**fit["exponent"], color=colours[alpha],
+                linewidth=1.8, zorder=4)
+        text += ":  %.3f" % fit["exponent"]
+        if fit["low"] < fit["high"]:
+          text += "  [%.3f, %.3f]" % (fit["low"], fit["high"])
+      if up.any():
+        claim = Claimed(name, alpha)
+        # Through the upper half, where every packing is on the law.
+        k = np.nonzero(up)[0][len(np.nonzero(up)[0]) // 2:]
+        level = np.exp(np.mean(np.log(middle_y[k]) - claim * np.log(middle_x[k])))
+        ends = np.array([middle_x.min() / 1.5, middle_x.max() * 1.5])
+        ax.plot(ends, level * ends**claim, color=GREY, linewidth=1.3,
+                linestyle=(0, (5, 3)), zorder=3)
+        text += "   (%s %g)" % ("paper" if paper else "theory", claim)
+      lines.append((text, colours[alpha]))
+    values = table[name][of_size]
+    low, high = Span(values[values > 0])
+    if name == "bulk":
+      low, high = low - 0.6, high + 0.5
+    ax.set_ylim(10**low, 10**(high + 0.16 * (high - low)))
+    Decades(ax.yaxis, low, high)
+    ax.set_ylabel(label)
+    for k, (text, colour) in enumerate(lines):
+      ax.text(0.03, 0.965 - 0.062 * k, text, transform=ax.transAxes, va="top",
+              color=colour, fontsize=12)
+    if paper:
+      ax.text(0.975, 0.035, paper, transform=ax.transAxes, ha="right", color=GREY)
+    ax.grid(True, color=PALE, linewidth=0.7)
+    ax.set_axisbelow(True)
+    ax.tick_params(which="both", top=True, right=True)
+  low, high = Span(table["distance"][of_size])
+  for ax in axes[1]:
+    ax.set_xlim(10**low, 10**high)
+    Decades(ax.xaxis, low, high)
+    ax.set_xlabel(r"$\phi - \phi_J$")
+  figure.text(0.95 / width, 1 - 0.5 / height, "$N = %d$, %d packing%s for each exponent "
+              "of the contact energy" % (size, packings, "" if packings == 1 else "s"),
+              fontsize=14)
+  ReadingHelp(figure, "Small dots: packings; circles: their medians; lines: fits through "
+              "the medians, exponent with its 95 % interval over packings; dashed: the exponent "
+              "claimed, through the upper half of the medians."
+              + (" Open triangles: negative shear moduli, as |G|; medians count them as negative."
+                 if negative else ""), left=0.95)
+  return figure
+
+
+def CollapseFigure(arguments):
+  path = arguments.table
+  table = ReadTable(path, ("particles", "alpha", "asked", "reduced", "excess", "shear",
+                           "stiffness", "rigid_grains"))
+  if not len(table["alpha"]):
+    raise InputError("%s: no rows" % path)
+  sizes, alphas = sorted(set(table["particles"])), sorted(set(table["alpha"]))
+  colours = SizeColours(sizes)
+  markers = dict(zip(alphas, "os^D"))
+  width, height = 12.2, 5.9
+  figure, axes = plt.subplots(
+      1, 2, figsize=(width, height),
+      gridspec_kw=dict(left=0.95 / width, right=1 - 0.25 / width, top=1 - 0.3 / height,
+                       bottom=1.65 / height, wspace=0.2))
+  # Excess contacts: those beyond isostatic, 2 N_c / N' - 4 + 2 / N', times N'.
+  panels = (("excess", lambda t: t["excess"] * t["rigid_grains"], r"$(z - z_{\rm iso})\,N'$"),
+            ("shear", lambda t: t["shear"] / t["stiffness"] * t["particles"],
+             r"$G\,N\,/\,\kappa$"))
+  everything = []
+  for ax, (name, scaled, label) in zip(axes, panels):
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    values = scaled(table)
+    drawn = []
+    for size in sizes:
+      for alpha in alphas:
+        chosen = (table["particles"] == size) & (table["alpha"] == alpha)
+        xs, ys, errors, lost = [], [], [], []
+        for level in sorted(set(table["asked"][chosen])):
+          k = chosen & (table["asked"] == level)
+          x = np.median(table["reduced"][k]) * size**2
+          y = np.median(values[k])
+          if y > 0:
+            xs.append(x)
+            ys.append(y)
+            errors.append(np.percentile(values[k], (25, 75)))
+          else:
+            lost.append((x, -y))
+        everything += xs
+        drawn += ys
+        if xs:
+          low, high = np.array(errors).T
+          ys = np.array(ys)
+          ax.errorbar(xs, ys, yerr=(np.minimum(ys - low, 0.9 * ys), high - ys), color=colours[size], linewidth=1.2,
+                      linestyle="", marker=markers[alpha], markersize=7, capsize=2,
+                      markeredgecolor="white", zorder=4)
+        if lost:
+          ax.plot(*zip(*lost), "v", color="white", markersize=7,
+                  markeredgecolor=colours[size], zorder=3)
+    if drawn:
+      low, high = Span(np.array(drawn))
+      ax.set_ylim(10**low, 10**high)
+      Decades(ax.yaxis, low, high)
+    ax.set_ylabel(label)
+    ax.set_xlabel("$P\\,N^2$")
+    ax.grid(True, color=PALE, linewidth=0.7)
+    ax.set_axisbelow(True)
+    ax.tick_params(which="both", top=True, right=True)
+  if everything:
+    low, high = Span(np.array(everything))
+    for ax in axes:
+      ax.set_xlim(10**low, 10**high)
+      Decades(ax.xaxis, low, high)
+      bottom, top = ax.get_ylim()
+      x = np.array([10**max(low, 1.0), 10**high])
+      # Slope 1/2 through the largest size at the upper end.
+      points = [(line.get_xdata(), line.get_ydata()) for line in ax.get_lines()
+                if len(line.get_xdata()) > 1 and line.get_marker() != "v"]
+      if points:
+        ends = max(((xs[-1], ys[-1]) for xs, ys in points), key=lambda point: point[0])
+        ax.plot(x, ends[1] * (x / ends[0])**0.5, color=GREY, linewidth=1.3,
+                linestyle=(0, (5, 3)), zorder=1)
+        ax.text(0.97, 0.06, "dashed: slope 1/2", transform=ax.transAxes, ha="right",
+                color=GREY)
+      ax.set_ylim(bottom, top)
+  handles = [Line2D([], [], linestyle="", marker="o", markersize=8, color=colours[size],
+                    label="$N = %d$" % size) for size in reversed(sizes)]
+  handles += [Line2D([], [], linestyle="", marker=markers[alpha], markersize=8,
+                     markerfacecolor="white", markeredgecolor=INK,
+                     label=r"$\alpha = %g$" % alpha) for alpha in alphas]
+  axes[0].legend(handles=handles, loc="upper left", fontsize=12, handletextpad=0.2)
+  ReadingHelp(figure, "Medians and quartiles over packings, P = (p / (k r^(\u03b1\u2212d)))"
+              "^(1/(\u03b1\u22121)), \u03ba the mean stiffness of contacts. That all sizes lie on one "
+              "curve is finite-size scaling (Goodrich, Liu, Nagel 2012); where P N\u00b2 falls below "
+              "10 a packing has hardly a contact more than it must. Open triangles: medians of "
+              "G that are negative, as |G|.", left=0.95)
+  return figure
+
+
+def VibrationsFigure(arguments):
+  path = arguments.table
+  table = ReadTable(path, ("particles", "seed", "alpha", "asked", "complete", "frequency",
+                           "participation"))
+  chosen = (table["complete"] == 1) & (table["frequency"] > 0)
+  if not chosen.any():
+    raise InputError("%s: no complete spectrum" % path)
+  size = table["particles"][chosen].max()
+  alpha = table["alpha"][chosen].min()
+  chosen &= (table["particles"] == size) & (table["alpha"] == alpha)
+  levels = sorted(set(table["asked"][chosen]))
+  order = (BLUE, GREEN, ORANGE, VERMILION, PURPLE, INK)
+  width, height = 12.2, 5.9
+  figure, axes = plt.subplots(
+      1, 2, figsize=(width, height), sharex=True,
+      gridspec_kw=dict(left=0.95 / width, right=1 - 0.25 / width, top=1 - 0.3 / height,
+                       bottom=1.45 / height, wspace=0.2))
+  frequencies = table["frequency"][chosen]
+  low, high = math.log10(frequencies.min()), math.log10(frequencies.max())
+  edges = np.logspace(low, high, 21)
+  packings = 1
+  for k, level in enumerate(levels):
+    here = chosen & (table["asked"] == level)
+    packings = max(packings, len(set(table["seed"][here])))
+    omega, participation = table["frequency"][here], table["participation"][here]
+    counts, _ = np.histogram(omega, edges)
+    sums, _ = np.histogram(omega, edges, weights=participation)
+    some = counts > 0
+    middle = np.sqrt(edges[1:] * edges[:-1])
+    density = counts / np.diff(edges) / len(omega)
+    colour = order[k % len(order)]
+    label = r"$\phi - \phi_J = %s$" % Power(level)
+    axes[0].plot(middle[some], density[some], color=colour, marker="o", markersize=4,
+                 label=label)
+    axes[1].plot(omega, participation, ".", color=Shade(colour), markersize=1.5,
+                 rasterized=True, zorder=1)
+    axes[1].plot(middle[some], sums[some] / counts[some], color=colour, marker="o",
+                 markersize=4, zorder=3)
+  for ax in axes:
+    ax.set_xscale("log")
+    ax.set_xlim(10**(low - 0.1), 10**(high + 0.1))
+    Decades(ax.xaxis, low - 0.1, high + 0.1)
+    ax.set_xlabel(r"frequency  $\omega\,/\,\sqrt{\kappa/m}$")
+    ax.grid(True, color=PALE, linewidth=0.7)
+    ax.set_axisbelow(True)
+    ax.tick_params(which="both", top=True, right=True)
+  axes[0].set_yscale("log")
+  axes[0].set_ylabel(r"density of states  $D(\omega)$")
+  axes[0].legend(loc="lower right", fontsize=12)
+  axes[1].set_ylabel("participation ratio")
+  axes[1].set_ylim(0, 1)
+  unstable = int(((table["frequency"] < 0) & (table["particles"] == size)).sum())
+  ReadingHelp(figure, "All modes of %d packing%s, N = %d, \u03b1 = %g, masses 1, \u03ba the mean stiffness "
+              "of contacts. Nearer to jamming the plateau reaches to lower frequencies. Right: "
+              "1 if all grains take part alike, 1/N' for a single one; lines: means.%s" %
+              (packings, "" if packings == 1 else "s", size, alpha,
+               " %d unstable modes are not shown." % unstable if unstable else ""),
+              left=0.95)
+  return figure
+
+
+# Of EXTREMES.csv: fill, ink and what it means, in order of severity.
+CELLS = (("passed", "#CFE6D8", GREEN, "passed: a certified minimum, or E = 0"),
+         ("stationary", "#BCD6EA", BLUE, "converged, not certified a minimum"),
+         ("degraded", "#F6E7C4", "#8A5A00", "ended with this residual, and says so"),
+         ("refused", "#E4E9EE", GREY, "refused, with a reason"),
+         ("lost", "#E9D3E2", "#8E3C6B", "not finite, hung or crashed"),
+         ("wrong", VERMILION, "white", "claims what is not so"))
+
+
+def ExtremesFigure(arguments):
+  path = arguments.table
+  table = ReadTable(path, ("extreme", "group", "solver", "cell", "residual"),
+                    words=("extreme", "group", "solver", "cell"))
+  extremes, methods = Unique(table["extreme"]), Unique(table["solver"])
+  if not extremes:
+    raise InputError("%s: no rows" % path)
+  styles = {name: (fill, ink) for name, fill, ink, _ in CELLS}
+  group_of = dict(zip(table["extreme"], table["group"]))
+  cell, gap = (0.86, 0.27), 0.34
+  groups = Unique(group_of[extreme] for extreme in extremes)
+  width = 2.6 + cell[0] * len(methods) + 0.2
+  # The key, in as many lines as it takes.
+  key, x, line = [], 0.2, 0
+  for name, fill, ink, words in CELLS:
+    label = "%d  %s" % (table["cell"].count(name), words)
+    if x > 0.2 and x + 0.35 + 0.085 * len(label) > width:
+      x, line = 0.2, line + 1
+    key.append((x, line, fill, label))
+    x += 0.55 + 0.085 * len(label)
+  left, top, bottom = 2.6, 0.7, 0.75 + 0.3 * line
+  height = top + cell[1] * len(extremes) + gap * len(groups) + bottom
+  figure = plt.figure(figsize=(width, height))
+  ax = figure.add_axes([0, 0, 1, 1])
+  ax.set_xlim(0, width)
+  ax.set_ylim(height, 0)
+  ax.set_axis_off()
+  for k, method in enumerate(methods):
+    ax.text(left + (k + 0.5) * cell[0], top - 0.08, method.replace("_", "\n"), ha="center",
+            va="bottom", fontsize=10.5)
+  at, y, last = {}, top, None
+  for extreme in extremes:
+    if group_of[extreme] != last:
+      last = group_of[extreme]
+      ax.text(0.2, y + 0.27, last, fontsize=11.5, fontweight="bold", va="bottom")
+      y += gap
+    ax.text(left - 0.1, y + 0.5 * cell[1], extreme.replace("_", " "), ha="right",
+            va="center", fontsize=10)
+    at[extreme] = y
+    y += cell[1]
+  for extreme, method, state, residual in zip(table["extreme"], table["solver"],
+                                              table["cell"], table["residual"]):
+    if state not in styles:
+      raise InputError("%s: cell %r is none of %s" % (path, state, ", ".join(styles)))
+    fill, ink = styles[state]
+    x = left + methods.index(method) * cell[0]
+    ax.add_patch(Rectangle((x + 0.02, at[extreme] + 0.015), cell[0] - 0.04, cell[1] - 0.03,
+                           facecolor=fill, linewidth=0))
+    text = {"passed": "ok", "stationary": "stationary"}.get(state, state)
+    if state == "degraded":
+      text = "%.0e" % residual if residual > 0 else "0"
+    ax.text(x + 0.5 * cell[0], at[extreme] + 0.5 * cell[1], text, ha="center", va="center",
+            fontsize=9, color=ink)
+  for x, line, fill, label in key:
+    y = height - bottom + 0.4 + 0.3 * line
+    ax.add_patch(Rectangle((x, y - 0.09), 0.22, 0.18, facecolor=fill, linewidth=0))
+    ax.text(x + 0.3, y, label, va="center", fontsize=10, color=INK)
+  return figure
+
+
+TRADED = (("pressure", "error of the pressure"), ("shear_modulus", "error of $G$ (13)"),
+          ("places", "error of places, in overlaps"))
+FLOOR = 1e-15  # errors below are drawn there
+
+
+def TradeoffFigure(arguments):
+  path = arguments.table
+  names = [name for name, _ in TRADED]
+  table = ReadTable(path, ("scene", "seed", "solver", "precision", "tolerance", "reached",
+                           "cpu_seconds", *names), words=("scene", "solver", "precision"))
+  scenes = Unique(table["scene"])
+  if not scenes:
+    raise InputError("%s: no rows" % path)
+  styles = MethodStyles(Unique(table["solver"]))
+  scene, solver = np.array(table["scene"]), np.array(table["solver"])
+  precision = np.array(table["precision"])
+  rows = len(scenes)
+  width, height = 13.2, 1.9 + 3.9 * rows
+  figure, axes = plt.subplots(
+      rows, 3, figsize=(width, height), squeeze=False, sharex="row",
+      gridspec_kw=dict(left=0.95 / width, right=1 - 0.2 / width, top=1 - 0.8 / height,
+                       bottom=1.3 / height, wspace=0.26, hspace=0.28))
+  for row, name_of_scene in enumerate(scenes):
+    here = scene == name_of_scene
+    finite = here & np.isfinite(table["cpu_seconds"]) & (table["cpu_seconds"] > 0)
+    if not finite.any():
+      continue
+    factor, unit = TimeUnit(table["cpu_seconds"][finite].max())
+    x_low, x_high = Span(factor * table["cpu_seconds"][finite])
+    for ax, (name, label) in zip(axes[row], TRADED):
+      ax.set_xscale("log")
+      ax.set_yscale("log")
+      everything = []
+      for method, (colour, _, marker) in styles.items():
+        for kind in Unique(precision):
+          mine = finite & (solver == method) & (precision == kind)
+          xs, ys = [], []
+          for level in sorted(set(table["tolerance"][mine]), reverse=True):
+            k = mine & (table["tolerance"] == level)
+            error = table[name][k].max()
+            if math.isfinite(error):
+              xs.append(factor * np.median(table["cpu_seconds"][k]))
+              ys.append(max(error, FLOOR))
+          if not xs:
+            continue
+          everything += zip(xs, ys)
+          ax.plot(xs, ys, color=colour, linestyle={"double": "-", "mixed": (0, (4, 2)),
+                                                   "float": (0, (1, 1.5))}[kind],
+                  linewidth=1.2, marker=marker, markersize=4.5 if kind == "double" else 3,
+                  zorder=3)
+      # What no setting beats.
+      front, best = [], np.inf
+      for x, y in sorted(everything):
+        if y < best:
+          front += [(x, best), (x, y)]
+          best = y
+      front = front[1:] + [(10**x_high, best)]
+      if everything:
+        ax.plot(*zip(*front), color=GREY, linewidth=5, alpha=0.3, zorder=1,
+                solid_joinstyle="miter")
+      y_low, y_high = Span(np.array([y for _, y in everything])) if everything else (-1, 0)
+      ax.set_xlim(10**x_low, 10**x_high)
+      ax.set_ylim(10**y_low, 10**y_high)
+      Decades(ax.xaxis, x_low, x_high)
+      Decades(ax.yaxis, y_low, y_high)
+      ax.set_ylabel(label)
+      ax.set_xlabel(unit)
+      ax.grid(True, color=PALE, linewidth=0.7)
+      ax.set_axisbelow(True)
+      ax.tick_params(which="both", top=True, right=True)
+    axes[row, 0].set_title(name_of_scene, loc="left", pad=7)
+  MethodLegend(figure, styles, markers=True)
+  ReadingHelp(figure, "A marker a decade of the tolerance, 1e-1 to 1e-13; solid: double, dashed: "
+              "mixed, dotted: single precision. Errors: the largest over packings, against "
+              "the minimum that the run ends in, 1e-15 at least; times: medians. Grey: what no "
+              "setting beats.", left=0.95)
+  return figure
+
+
+def PhiJFigure(arguments):
+  path = arguments.table
+  table = ReadTable(path, ("seed", "solver", "tolerance", "error_bar", "error",
+                           "cpu_seconds"), words=("solver",))
+  if not len(table["seed"]):
+    raise InputError("%s: no rows" % path)
+  solver = np.array(table["solver"])
+  styles = MethodStyles(Unique(table["solver"]))
+  width, height = 12.2, 6.0
+  figure, axes = plt.subplots(
+      1, 2, figsize=(width, height), sharey=True,
+      gridspec_kw=dict(left=1.0 / width, right=1 - 0.25 / width, top=1 - 0.7 / height,
+                       bottom=1.4 / height, wspace=0.08))
+  factor, unit = TimeUnit(table["cpu_seconds"].max())
+  error = np.maximum(table["error"], 1e-16)
+  for ax, x in ((axes[0], factor * table["cpu_seconds"]), (axes[1], table["error_bar"])):
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    for method, (colour, _, marker) in styles.items():
+      for level in sorted(set(table["tolerance"])):
+        for seed in sorted(set(table["seed"])):
+          k = (solver == method) & (table["tolerance"] == level) & (table["seed"] == seed)
+          k &= table["error"] > 0  # the last estimate is what it is judged by
+          if k.any():
+            ax.plot(x[k], error[k], color=colour, linewidth=0.9, marker=marker,
+                    markersize=4, alpha=0.75)
+    low, high = Span(x[x > 0])
+    ax.set_xlim(10**low, 10**high)
+    Decades(ax.xaxis, low, high)
+    ax.grid(True, color=PALE, linewidth=0.7)
+    ax.set_axisbelow(True)
+    ax.tick_params(which="both", top=True, right=True)
+  low, high = Span(error[table["error"] > 0]) if (table["error"] > 0).any() else (-12, -3)
+  axes[0].set_ylim(10**low, 10**high)
+  Decades(axes[0].yaxis, low, high)
+  limits = np.array(axes[1].get_xlim())
+  axes[1].plot(limits, limits, color=GREY, linewidth=1.3, linestyle=(0, (5, 3)), zorder=1)
+  axes[0].set_ylabel(r"$|\phi_J - $ the sharpest one of the run$|$")
+  axes[0].set_xlabel(unit)
+  axes[1].set_xlabel(r"error bar of $\phi_J$ at that moment")
+  MethodLegend(figure, styles, markers=True)
+  ReadingHelp(figure, "Decompressions from over-jammed states, a marker a state, lines: packings and "
+              "tolerances (1e-4, 1e-8). Right: below the dashed line the error is less "
+              "than the error bar that the run states.", left=1.0)
   return figure
 
 
@@ -2921,14 +3452,14 @@ def Arguments(words):
   command.add_argument("out")
   command.set_defaults(figure=TraceFigure)
   for name, figure in (("curves", CurvesFigure), ("work", WorkFigure),
-                       ("distances", DistancesFigure)):
+                       ("distances", DistancesFigure), ("fig7", Fig7Figure)):
     command = commands.add_parser(name)
     command.add_argument("table")
     command.add_argument("out")
     command.add_argument("--level", action="append", default=[])
     if name == "distances":
       command.add_argument("--steps", default="all")
-    else:
+    elif name != "fig7":
       command.add_argument("--cases", default="")
     command.set_defaults(figure=figure)
   for name, figure in (("profile", ProfileFigure), ("quality", QualityFigure)):
@@ -2956,10 +3487,22 @@ def Arguments(words):
     if name == "finite_size":
       command.add_argument("--fit", default="")
     command.set_defaults(figure=figure)
-  command = commands.add_parser("scaling")
+  command = commands.add_parser("grain_cost")
   command.add_argument("table")
   command.add_argument("out")
-  command.set_defaults(figure=ScalingFigure)
+  command.set_defaults(figure=GrainCostFigure)
+  command = commands.add_parser("laws")
+  command.add_argument("table")
+  command.add_argument("out")
+  command.add_argument("--exponents", default="")
+  command.set_defaults(figure=LawsFigure)
+  for name, figure in (("collapse", CollapseFigure), ("vibrations", VibrationsFigure),
+                       ("extremes", ExtremesFigure), ("tradeoff", TradeoffFigure),
+                       ("phi_j", PhiJFigure)):
+    command = commands.add_parser(name)
+    command.add_argument("table")
+    command.add_argument("out")
+    command.set_defaults(figure=figure)
   command = commands.add_parser("distributions")
   command.add_argument("forces")
   command.add_argument("gaps")

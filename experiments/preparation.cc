@@ -102,6 +102,20 @@ double Now() {
 
 }  // namespace
 
+Load LoadOf(const Case& c) {
+  Load load;
+  if (c.kind == "growth" || c.kind == "fig2") {
+    load.radius_factor = 1.0 + c.value;
+  } else if (c.kind == "simple_shear" || c.kind == "near_jamming") {
+    load.simple_shear = c.kind == "near_jamming" ? StrainOf(c) : c.value;
+  } else if (c.kind == "pure_shear") {
+    load.pure_shear = c.value;
+  } else if (c.kind == "random") {
+    load.perturbation = c.value;
+  }
+  return load;
+}
+
 Packing Preparation::Relaxed(std::uint64_t seed) {
   if (!FLAGS_input.empty()) {
     if (made_.emplace("input", scene_.packing).second) {

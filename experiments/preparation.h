@@ -16,6 +16,9 @@
 
 namespace granopt {
 
+// What is done to a packing in a case, before it is relaxed.
+Load LoadOf(const Case& c);
+
 // A state under strain from which methods start, and where its own method ended
 // from there.
 struct ShearStep {

@@ -24,6 +24,7 @@
 
 #include "experiments/certificate.h"
 #include "experiments/checkpoint.h"
+#include "experiments/moduli.h"
 #include "experiments/run.h"
 #include "experiments/scene.h"
 #include "granular/packing_io.h"
@@ -254,6 +255,7 @@ int Main() {
   output.Write("contacts.csv", ContactsCsv(result));
   const std::string certificate = PublishCertificate(
       result.packing, scene.energy, "contacts.csv", &output, &json);
+  const std::string moduli = PublishModuli(result.packing, scene.energy, &json);
   json["provenance"] = Provenance();
   output.Write("trace.csv", TraceCsv(result.summary));
   output.WriteJson("summary.json", json);
@@ -292,6 +294,7 @@ int Main() {
       judge.Relative(),
       force_error);
   if (!certificate.empty()) std::printf("  %s", certificate.c_str());
+  if (!moduli.empty()) std::printf("  %s", moduli.c_str());
   std::printf(
       "  work          %lld iterations, %lld evaluations, %.3g s "
       "(%.0f %% in the energy)\n",

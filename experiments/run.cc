@@ -414,6 +414,13 @@ Packing Annotated(const Relaxation& relaxation,
   return packing;
 }
 
+double CpuSeconds() {
+  std::timespec now;
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) +
+         1e-9 * static_cast<double>(now.tv_nsec);
+}
+
 std::string Describe(const Packing& packing) {
   return Format("%d %s, radii %.5g to %.5g",
                 packing.size(),

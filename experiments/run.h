@@ -91,6 +91,9 @@ std::string TraceCsv(const Summary& summary);
 Packing Annotated(const Relaxation& relaxation,
                   const ContactEnergyOptions& options);
 
+// Of this process, all threads.
+double CpuSeconds();
+
 // "4096 discs, radii 0.0063 to 0.0089"
 std::string Describe(const Packing& packing);
 

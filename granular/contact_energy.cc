@@ -7,11 +7,16 @@
 
 #include "granular/network_preconditioner.h"
 #include "granular/pair_blocks.h"
+#include "solvers/format.h"
 #include "solvers/power_of_two.h"
 #include "solvers/threads.h"
 
 namespace granopt {
 namespace {
+
+// Of k r^alpha, and one over its largest: squares of small parts of it must
+// still be numbers.
+constexpr double kSmallestUnit = 1e-280;
 
 // Here, since whoever links an energy may name its preconditioners.
 [[maybe_unused]] const bool registered =
@@ -93,6 +98,24 @@ std::unique_ptr<ContactEnergy> ContactEnergy::Create(
   }
   if (packing.size() > std::numeric_limits<int>::max() / 64) {
     *error = std::to_string(packing.size()) + " grains are too many";
+    return nullptr;
+  }
+  // Products of energies near the limits of double would be zero or infinite.
+  const double radius = packing.MeanRadius();
+  for (const double k :
+       {packing.stiffness.size() == 0 ? 1.0 : packing.stiffness.minCoeff(),
+        packing.stiffness.size() == 0 ? 1.0 : packing.stiffness.maxCoeff()}) {
+    const double unit = options.stiffness * k * std::pow(radius, options.alpha);
+    if (unit >= kSmallestUnit && unit <= 1.0 / kSmallestUnit) continue;
+    *error = Format(
+        "energies k r^alpha = %.3g (k = %g, mean radius r = %g, alpha = %g) "
+        "must lie in [%g, %g]: choose other units",
+        unit,
+        options.stiffness * k,
+        radius,
+        options.alpha,
+        kSmallestUnit,
+        1.0 / kSmallestUnit);
     return nullptr;
   }
   std::unique_ptr<ContactEnergy> energy(new ContactEnergy(packing, options));

@@ -269,7 +269,10 @@ class Search {
     }
     if (slope > 0.0) {
       UpdateDistance(slope, /*secant=*/true);
-      if (s_.failures == 0) s_.fraction = 0.9;
+      // After a step that was too long, towards there again by doubling: the
+      // part of the branch that it fell off may be behind.
+      s_.fraction =
+          s_.failures == 0 ? 0.9 : std::min(0.9, 2.0 * s_.fraction);
     } else if (Follow()) {
       // It rearranged upwards: another branch, whose slope is not known yet.
       s_.fraction = 0.5;

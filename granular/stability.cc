@@ -6,10 +6,10 @@
 #include <memory>
 #include <numeric>
 
+#include "granular/force_network.h"
 #include "granular/observables.h"
 #include "solvers/format.h"
 #include "solvers/lowest_modes.h"
-#include "solvers/normalize.h"
 #include "solvers/sparse_cholesky.h"
 
 namespace granopt {
@@ -20,12 +20,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-// A removed grain counts all the same if one of its contacts carries more than
-// this many residuals and this part of the mean force: rattlers that a
-// minimization left in touch carry about a residual.
-constexpr double kLoadedResiduals = 1e3;
-constexpr double kLoadedForce = 1e-8;
 
 // Error of an entry of the gradient, in mean forces.
 constexpr double kGradientError = 16.0 * std::numeric_limits<double>::epsilon();
@@ -40,101 +34,6 @@ constexpr double kRoundoff = 1e-13;
 // beyond what the bounds are made for.
 constexpr double kLargestMotion = 1e-2;
 
-// Two grains that count, a contact or a gap, in units of `Network`.
-struct Link {
-  int i = 0;  // among those that count
-  int j = 0;
-  SmallVector normal;
-  double overlap = 0.0;  // negative: a gap
-  double distance = 0.0;
-  double force = 0.0;
-  double stiffness = 0.0;  // of a contact; k of a gap
-};
-
-// Its block of the Hessian: a n (x) n + b 1.
-struct Block {
-  double a = 0.0;
-  double b = 0.0;
-};
-
-Block BlockOf(const Link& link) {
-  if (!(link.overlap > 0.0)) return {};
-  const double tension = link.force / link.distance;
-  return {link.stiffness + tension, -tension};
-}
-
-// The grains that count in units in which kappa and the mean overlap lie in
-// [1, 2).
-struct Network {
-  int dimension = 0;
-  std::vector<int> grains;  // that count, by their index in the packing
-  std::vector<Link> links;
-  int held = 0;                 // that with most contacts, in `grains`
-  double stiffness_unit = 1.0;  // powers of two
-  double length_unit = 1.0;
-  double stiffness = 0.0;  // kappa, in that unit
-  double mean_force = 0.0;
-  double mean_overlap = 0.0;
-
-  int size() const { return static_cast<int>(grains.size()); }
-};
-
-// The lower triangle; without the rows and columns of grain `held` unless < 0.
-SparseMatrix Assemble(const Network& network,
-                      const std::vector<Block>& blocks,
-                      int held) {
-  const int d = network.dimension;
-  const int n = network.size() - (held < 0 ? 0 : 1);
-  const auto place = [&](int i) {
-    return held < 0 || i < held ? i : (i == held ? -1 : i - 1);
-  };
-  std::vector<Eigen::Triplet<double>> entries;
-  entries.reserve(network.links.size() * (2 * d * d + d) +
-                  static_cast<std::size_t>(n) * d);
-  // The diagonal is there even if it is zero.
-  for (int v = 0; v < n * d; ++v) entries.emplace_back(v, v, 0.0);
-  for (std::size_t l = 0; l < network.links.size(); ++l) {
-    const Link& link = network.links[l];
-    const Block& block = blocks[l];
-    if (link.i == link.j || (block.a == 0.0 && block.b == 0.0)) continue;
-    const int i = place(link.i);
-    const int j = place(link.j);
-    for (int r = 0; r < d; ++r) {
-      for (int c = 0; c < d; ++c) {
-        const double value = block.a * link.normal[r] * link.normal[c] +
-                             (r == c ? block.b : 0.0);
-        if (i >= 0 && r >= c) entries.emplace_back(d * i + r, d * i + c, value);
-        if (j >= 0 && r >= c) entries.emplace_back(d * j + r, d * j + c, value);
-        if (i >= 0 && j >= 0) {
-          entries.emplace_back(
-              d * std::max(i, j) + r, d * std::min(i, j) + c, -value);
-        }
-      }
-    }
-  }
-  SparseMatrix matrix(n * d, n * d);
-  matrix.setFromTriplets(entries.begin(), entries.end());
-  return matrix;
-}
-
-// Grains in each piece that contacts connect, largest first.
-std::vector<int> Pieces(const Network& network) {
-  std::vector<int> root(network.size());
-  std::iota(root.begin(), root.end(), 0);
-  const auto find = [&root](int i) {
-    while (root[i] != i) i = root[i] = root[root[i]];
-    return i;
-  };
-  for (const Link& link : network.links) {
-    if (link.overlap > 0.0) root[find(link.i)] = find(link.j);
-  }
-  std::vector<int> size(network.size(), 0);
-  for (int i = 0; i < network.size(); ++i) ++size[find(i)];
-  size.erase(std::remove(size.begin(), size.end(), 0), size.end());
-  std::sort(size.rbegin(), size.rend());
-  return size;
-}
-
 // What is known of any point of B, see the header.
 struct Region {
   double radius = 0.0;     // R
@@ -144,20 +43,20 @@ struct Region {
 };
 
 // 2 H_- - H, link by link; false if separations may change too much for that.
-bool LowerBounds(const Network& network,
+bool LowerBounds(const ForceNetwork& network,
                  const Region& region,
-                 std::vector<Block>* bounds,
+                 std::vector<LinkBlock>* bounds,
                  int* undecided) {
   const double motion = std::sqrt(2.0 / region.lambda) * region.radius;
   const double along =
       std::sqrt(1.0 + region.prestress / region.lambda) * region.radius;
   *undecided = 0;
-  bounds->assign(network.links.size(), Block());
+  bounds->assign(network.links.size(), LinkBlock());
   for (std::size_t l = 0; l < network.links.size(); ++l) {
     const Link& link = network.links[l];
     if (link.i == link.j) continue;
     if (!(motion < kLargestMotion * link.distance)) return false;
-    Block lower;
+    LinkBlock lower;
     if (link.overlap > 0.0) {
       const double closer =
           link.stiffness > 0.0
@@ -185,7 +84,7 @@ bool LowerBounds(const Network& network,
                 std::pow(motion + link.overlap, region.alpha - 1.0) /
                 (link.distance - motion);
     }
-    const Block now = BlockOf(link);
+    const LinkBlock now = BlockOf(link);
     (*bounds)[l] = {2.0 * lower.a - now.a, 2.0 * lower.b - now.b};
   }
   return true;
@@ -213,7 +112,7 @@ std::string ModeLine(const Certificate& c) {
          Grains(mode.carriers);
 }
 
-NormalMode MakeMode(const Network& network,
+NormalMode MakeMode(const ForceNetwork& network,
                     const VectorXd& vector,
                     int num_grains) {
   const int d = network.dimension;
@@ -241,106 +140,45 @@ NormalMode MakeMode(const Network& network,
   return mode;
 }
 
-// The grains that count and every pair of them that touches or nearly does.
-// Fills in what the certificate says of them.
-Network MakeNetwork(const ContactEnergy& energy,
-                    const double* u,
-                    double relative_residual,
-                    const Observables& observables,
-                    const std::vector<Contact>& contacts,
-                    Certificate* certificate) {
-  Network network;
-  network.dimension = energy.BlockSize();
-  const int num_grains = observables.grains;
-  std::vector<bool> counts(num_grains);
-  for (int i = 0; i < num_grains; ++i) counts[i] = !observables.is_rattler[i];
-  const double loaded =
-      observables.mean_force *
-      std::max(kLoadedForce, kLoadedResiduals * relative_residual);
-  for (const Contact& c : contacts) {
-    if (c.force > loaded) counts[c.id.i] = counts[c.id.j] = true;
-  }
-  std::vector<int> place(num_grains, -1);
-  for (int i = 0; i < num_grains; ++i) {
-    if (!counts[i]) continue;
-    place[i] = network.size();
-    network.grains.push_back(i);
-  }
-  const auto both_count = [&](const GapId& id) {
-    return place[id.i] >= 0 && place[id.j] >= 0;
-  };
-
-  double force = 0.0;
-  double overlap = 0.0;
-  double other = 0.0;
-  std::vector<int> degree(network.size(), 0);
-  for (const Contact& c : contacts) {
-    if (!both_count(c.id)) {
-      other = std::max(other, c.force);
-      continue;
-    }
-    ++certificate->contacts;
-    force += c.force;
-    overlap += c.overlap;
-    ++degree[place[c.id.i]];
-    ++degree[place[c.id.j]];
-  }
-  certificate->grains = network.size();
-  if (certificate->contacts == 0) return network;
-  force /= certificate->contacts;
-  overlap /= certificate->contacts;
-  certificate->other_force = other / force;
+// Adds the pairs of grains that count and nearly touch. Fills in what the
+// certificate says of the network.
+void AddGaps(const ContactEnergy& energy,
+             const double* u,
+             ForceNetwork* network,
+             Certificate* certificate) {
+  certificate->contacts = static_cast<int>(network->links.size());
+  certificate->grains = network->size();
+  if (certificate->contacts == 0) return;
+  const double overlap = network->mean_overlap / network->length_unit;
+  certificate->other_force = network->other_force;
   certificate->mean_overlap = overlap;
-  certificate->stiffness = (energy.Exponent() - 1.0) * force / overlap;
-  network.held = static_cast<int>(
-      std::max_element(degree.begin(), degree.end()) - degree.begin());
-
-  network.stiffness_unit = NormalizingPower(certificate->stiffness);
-  network.length_unit = NormalizingPower(overlap);
-  const double force_unit = network.stiffness_unit * network.length_unit;
-  network.stiffness = network.stiffness_unit * certificate->stiffness;
-  network.mean_overlap = network.length_unit * overlap;
-  network.mean_force = force_unit * force;
-  double smallest = kInfinity;
-  for (const Contact& c : contacts) {
-    if (!both_count(c.id)) continue;
-    Link link;
-    link.i = place[c.id.i];
-    link.j = place[c.id.j];
-    link.normal = c.normal;
-    link.overlap = network.length_unit * c.overlap;
-    link.distance = network.length_unit * c.distance;
-    link.force = force_unit * c.force;
-    link.stiffness = network.stiffness_unit * c.stiffness;
-    network.links.push_back(link);
-    smallest = std::min(smallest, c.overlap);
-  }
-  certificate->smallest_overlap = smallest / overlap;
+  certificate->stiffness = network->stiffness / network->stiffness_unit;
+  certificate->smallest_overlap =
+      network->smallest_overlap / network->mean_overlap;
 
   certificate->smallest_gap = kInfinity;
   Gaps gaps;
   const Packing at = energy.Configuration(u);
   if (energy.EvaluateGaps(u, &gaps)) {
     // k delta^(alpha-1) is a force: k in those units.
-    const double unit =
-        force_unit / std::pow(network.length_unit, energy.Exponent() - 1.0);
+    const double unit = network->stiffness_unit * network->length_unit /
+                        std::pow(network->length_unit, energy.Exponent() - 1.0);
     for (std::size_t g = 0; g < gaps.ids.size(); ++g) {
       const GapId& id = gaps.ids[g];
-      if (!both_count(id) || gaps.delta[g] > 0.0) continue;
+      if (!network->BothCount(id) || gaps.delta[g] > 0.0) continue;
       Link link;
-      link.i = place[id.i];
-      link.j = place[id.j];
-      link.normal = SmallVector::Zero(network.dimension);
-      link.overlap = network.length_unit * gaps.delta[g];
-      link.distance = network.length_unit *
+      link.i = network->place[id.i];
+      link.j = network->place[id.j];
+      link.normal = SmallVector::Zero(network->dimension);
+      link.overlap = network->length_unit * gaps.delta[g];
+      link.distance = network->length_unit *
                       (at.radii[id.i] + at.radii[id.j] - gaps.delta[g]);
       link.stiffness = unit * gaps.stiffness[g];
-      network.links.push_back(link);
+      network->links.push_back(link);
       certificate->smallest_gap =
           std::min(certificate->smallest_gap, -gaps.delta[g] / overlap);
     }
   }
-  return network;
 }
 
 }  // namespace
@@ -394,12 +232,9 @@ Certificate Certify(const ContactEnergy& original,
   energy->EvaluateWithScales(zero.data(), &value, nullptr, &scales);
   const std::vector<Contact> contacts = energy->Contacts(zero.data());
   const Observables observables = Measure(packing, contacts, value);
-  const Network network = MakeNetwork(*energy,
-                                      zero.data(),
-                                      observables.relative_residual,
-                                      observables,
-                                      contacts,
-                                      &certificate);
+  ForceNetwork network = MakeForceNetwork(
+      packing.dimension(), energy->Exponent(), observables, contacts);
+  AddGaps(*energy, zero.data(), &network, &certificate);
   if (contacts.empty()) {
     return conclude(StabilityVerdict::UNJAMMED, "no grain touches another");
   }
@@ -457,7 +292,7 @@ Certificate Certify(const ContactEnergy& original,
                     "one grain, which can only translate");
   }
 
-  std::vector<Block> blocks;
+  std::vector<LinkBlock> blocks;
   blocks.reserve(network.links.size());
   for (const Link& link : network.links) blocks.push_back(BlockOf(link));
 
@@ -469,7 +304,7 @@ Certificate Certify(const ContactEnergy& original,
     lowest.left_out.middleRows(d * i, d).setIdentity();
   }
   const LowestModes modes =
-      ComputeLowestModes(Assemble(network, blocks, -1), lowest);
+      ComputeLowestModes(AssembleBlocks(network, blocks, -1), lowest);
   for (Index k = 0; k < modes.values.size(); ++k) {
     NormalMode mode =
         MakeMode(network, modes.vectors.col(k), observables.grains);
@@ -486,7 +321,8 @@ Certificate Certify(const ContactEnergy& original,
   // (1)
   const double floor = options.zero * network.stiffness;
   SparseCholesky cholesky;
-  if (!cholesky.Factorize(Assemble(network, blocks, network.held), 1, -floor)) {
+  if (!cholesky.Factorize(
+          AssembleBlocks(network, blocks, network.held), 1, -floor)) {
     if (!stationary) {
       return conclude(StabilityVerdict::NOT_STATIONARY,
                       residual_line + "; " + ModeLine(certificate));
@@ -526,15 +362,16 @@ Certificate Certify(const ContactEnergy& original,
       kRegion *
       (nu + kGradientError * network.mean_force *
                 std::sqrt(static_cast<double>(d * n) / region.lambda));
-  std::vector<Block> bounds;
+  std::vector<LinkBlock> bounds;
   const double motion = std::sqrt(2.0 / region.lambda) * region.radius;
   const bool bounded =
       motion < 0.99 * network.length_unit * energy->skin() &&
       LowerBounds(network, region, &bounds, &certificate.undecided_pairs);
   // (3)
-  if (!bounded || !cholesky.Factorize(Assemble(network, bounds, network.held),
-                                      2,
-                                      -kRoundoff * network.stiffness)) {
+  if (!bounded ||
+      !cholesky.Factorize(AssembleBlocks(network, bounds, network.held),
+                          2,
+                          -kRoundoff * network.stiffness)) {
     certificate.undecided_pairs = 0;
     return conclude(
         stationary ? StabilityVerdict::NOT_CERTIFIED

@@ -97,6 +97,10 @@ constexpr double kBarrierPatience = 4.0;
 // After a newton that did not end the run a first-order method takes so many
 // times what that took.
 constexpr double kWait = 2.0;
+// From so many such ends on both take turns twice as long each time: where the
+// softest mode is very soft, lbfgs began again every 800 iterations and newton
+// gave up after 9, for ever.
+constexpr int kFewFailures = 4;
 
 // Where the cost is looked at between start and end.
 constexpr int kWayPoints = 9;
@@ -442,7 +446,7 @@ class Phases {
       return first_order_;
     }
     const int changes = terms->Changes(x);
-    budget_ = kPatience * NewtonForecast(changes);
+    budget_ = newton_trials_ * kPatience * NewtonForecast(changes);
     return changes <= kCalm && NewtonForecast(changes) <= rest ? Kind::NEWTON
                                                                : first_order_;
   }
@@ -509,6 +513,12 @@ class Phases {
       return costs_.SecondOrder(kind, state.counters) > budget_;
     });
     wait_ = kWait * costs_.SecondOrder(kind, summary.counters);
+    if (kind == Kind::NEWTON && !summary.Succeeded() &&
+        ++newton_failures_ >= kFewFailures) {
+      // Twice as long each, so that neither can keep the other from its end.
+      newton_trials_ *= 2.0;
+      wait_ = std::max(wait_, newton_trials_ * kWait * NewtonForecast(0));
+    }
     if (kind == Kind::INTERIOR) {
       has_tried_interior_ = true;
       // Where the origin has moved the start is not known any more.
@@ -563,6 +573,8 @@ class Phases {
   double budget_ = 0.0;          // of the next phase, if it is not first-order
   double barrier_budget_ = 0.0;  // of its last phase
   double wait_ = 0.0;            // work before newton is thought of
+  int newton_failures_ = 0;
+  double newton_trials_ = 1.0;  // how much longer newton may take by now
 };
 
 class Auto : public Solver {

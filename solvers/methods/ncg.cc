@@ -18,6 +18,7 @@
 
 #include "Eigen/Core"
 #include "solvers/line_search_method.h"
+#include "solvers/normalize.h"
 #include "solvers/registry.h"
 #include "solvers/vector_loops.h"
 
@@ -39,12 +40,13 @@ class NcgRule : public DirectionRule {
                     double unit,
                     double* d) override {
     if (is_fresh_) {
-      d_ = -ConstMap(z, n_);
-      if (beta_ == Beta::HZ && preconditioned_) pd_ = -ConstMap(g, n_);
+      scale_ = NormalizingPower(ConstMap(z, n_).lpNorm<Eigen::Infinity>());
+      d_ = -scale_ * ConstMap(z, n_);
+      if (beta_ == Beta::HZ && preconditioned_) pd_ = -scale_ * ConstMap(g, n_);
     } else {
-      d_ = -ConstMap(z, n_) + next_beta_ * d_;
+      d_ = -scale_ * ConstMap(z, n_) + next_beta_ * d_;
       if (beta_ == Beta::HZ && preconditioned_) {
-        pd_ = -ConstMap(g, n_) + next_beta_ * pd_;
+        pd_ = -scale_ * ConstMap(g, n_) + next_beta_ * pd_;
       }
     }
     Eigen::Map<VectorXd>(d, n_) = d_;
@@ -52,19 +54,20 @@ class NcgRule : public DirectionRule {
     // The same first-order change as in the last step: Nocedal, Wright, 2nd
     // ed., p. 59.
     const double first_step =
-        !is_fresh_ && slope < 0.0 ? last_step_ * (last_slope_ / slope) : unit;
+        !is_fresh_ && slope < 0.0 ? last_step_ * (last_slope_ / slope)
+                                  : unit / scale_;
     return {first_step, slope};
   }
 
   void Taken(const Step& step) override {
     const ConstMap g(step.g, n_), z(step.z, n_);
     const ConstMap g_new(step.g_new, n_), z_new(step.z_new, n_);
-    const double gz = g.dot(z);
-    const double zy = z_new.dot(g_new) - z_new.dot(g);
+    const double gz = (scale_ * g).dot(z);
+    const double zy = (scale_ * z_new).dot(g_new) - (scale_ * z_new).dot(g);
     const double dy = step.end.slope - step.start.slope;
     switch (beta_) {
       case Beta::FR:
-        next_beta_ = g_new.dot(z_new) / gz;
+        next_beta_ = (scale_ * g_new).dot(z_new) / gz;
         break;
       case Beta::PR:
         next_beta_ = std::max(0.0, zy / gz);
@@ -73,11 +76,11 @@ class NcgRule : public DirectionRule {
         next_beta_ = dy > 0.0 ? std::max(0.0, zy / dy) : 0.0;
         break;
       case Beta::HZ: {
-        const double yw = (g_new - g).dot(z_new - z);
+        const double yw = (scale_ * (g_new - g)).dot(z_new - z);
         const double dd = preconditioned_ ? d_.dot(pd_) : d_.squaredNorm();
         const double b =
             dy > 0.0 ? (zy - 2.0 * step.end.slope * (yw / dy)) / dy : 0.0;
-        next_beta_ = std::max(b, 0.4 * step.start.slope / dd);
+        next_beta_ = std::max(b, 0.4 * step.start.slope / dd * scale_);
         break;
       }
     }
@@ -93,6 +96,9 @@ class NcgRule : public DirectionRule {
   const int n_;
   const Beta beta_;
   const bool preconditioned_;
+  // Of directions over gradients, a power of two: products of two gradients of
+  // 1e-160 would be zero.
+  double scale_ = 1.0;
   VectorXd d_;
   VectorXd pd_;  // P d, by the recursion of d
   bool is_fresh_ = true;

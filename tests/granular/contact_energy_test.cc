@@ -1555,5 +1555,32 @@ TEST(ContactEnergy, CreateRefusesWhatItCannotEvaluate) {
   refused(Packing(), 2.0, 1.0, "no grains");
 }
 
+TEST(ContactEnergy, RefusesUnitsInWhichEnergiesVanishOrOverflow) {
+  Eigen::MatrixXd x(2, 2);
+  x << 4.75, 4.0, 5.0, 4.0;
+  Packing packing = MakePacking(Box::Cube(2, 16.0), x, {0.625, 0.75});
+  std::string error;
+  ContactEnergyOptions options;
+  for (const double k : {1e-150, 1e150}) {
+    options.stiffness = k;
+    EXPECT_NE(ContactEnergy::Create(packing, options, &error), nullptr);
+  }
+  for (const double k : {1e-300, 1e300}) {
+    options.stiffness = k;
+    EXPECT_EQ(ContactEnergy::Create(packing, options, &error), nullptr);
+    EXPECT_NE(error.find("other units"), std::string::npos) << error;
+  }
+  // 1e-1000 is 0, 1e1000 is infinite.
+  options = ContactEnergyOptions();
+  options.alpha = 10.0;
+  for (const double length : {1e-100, 1e100}) {
+    Packing scaled = packing;
+    scaled.Deform(length * SmallMatrix::Identity(2, 2));
+    scaled.ScaleRadii(length);
+    EXPECT_EQ(ContactEnergy::Create(scaled, options, &error), nullptr);
+    EXPECT_NE(error.find("other units"), std::string::npos) << error;
+  }
+}
+
 }  // namespace
 }  // namespace granopt

@@ -3,12 +3,12 @@
 # 1024 to 1000000 discs at phi = 0.8438, alpha = 2. Each is taken from a random
 # start (EARLY evaluations, in which lists of neighbours are made every few) and then
 # timed over LATE more, with one thread and with THREADS. Seconds are those of the
-# clock. Writes FOLDER/scaling.csv and scaling.svg; four minutes.
+# clock. Writes FOLDER/grain_cost.csv and grain_cost.svg; four minutes.
 #
-#   experiments/scaling.sh [FOLDER=out/scaling [MOST=1000000 [THREADS=2]]]
+#   experiments/grain_cost.sh [FOLDER=out/grain_cost [MOST=1000000 [THREADS=2]]]
 set -euo pipefail
 cd "$(dirname -- "${BASH_SOURCE[0]}")/.."
-folder="${1:-out/scaling}"
+folder="${1:-out/grain_cost}"
 most="${2:-1000000}"
 threads="${3:-2}"
 relax=build/release/experiments/relax
@@ -48,5 +48,5 @@ ${row}"
   done
   rm -rf "${folder}/start_${n}"
 done
-echo "${csv}" > "${folder}/scaling.csv"
-/usr/bin/python3 experiments/plot.py scaling "${folder}/scaling.csv" "${folder}/scaling"
+echo "${csv}" > "${folder}/grain_cost.csv"
+/usr/bin/python3 experiments/plot.py grain_cost "${folder}/grain_cost.csv" "${folder}/grain_cost"
