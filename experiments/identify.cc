@@ -72,6 +72,9 @@ DEFINE_int32(profile_points, 7, "values of each parameter in --profile");
 DEFINE_int32(profile_budget, 30, "strings of each of them");
 DEFINE_bool(alternatives, false, "other searches with as many runs");
 DEFINE_int32(repeats, 2, "searches of each of --alternatives");
+DEFINE_bool(recovery,
+            false,
+            "find the first string of Table 1 again from what it does");
 DEFINE_bool(paper, false, "sec. 8.2: Fig. 7, Table 1, Fig. 8, and all above");
 // ---- where
 DEFINE_int32(threads, 1, "results are the same bits on any number");
@@ -882,20 +885,17 @@ bool RunProfile(Record* record,
 struct Alternative {
   const char* name;
   const char* spec;
-  bool is_paper_rule;
   bool ends_with_gradient;
 };
 constexpr Alternative kAlternatives[] = {
-    {"genetic, paper's ensembles", "genetic_algorithm", true, false},
-    {"genetic, >= 5 runs", "genetic_algorithm", false, false},
-    {"genetic, then gradients", "genetic_algorithm", false, true},
-    {"random", "random_search:strings=1000000", false, false},
-    {"Nelder-Mead", "nelder_mead:strings=1000000", false, false},
+    {"genetic, >= 5 runs", "genetic_algorithm", false},
+    {"genetic, then gradients", "genetic_algorithm", true},
+    {"random", "random_search:strings=1000000", false},
+    {"Nelder-Mead", "nelder_mead:strings=1000000", false},
     {"differential evolution",
      "differential_evolution:generations=100000",
-     false,
      false},
-    {"CMA-ES", "cma_es:generations=100000", false, false}};
+    {"CMA-ES", "cma_es:generations=100000", false}};
 
 struct AlternativeRun {
   const Alternative* method;
@@ -919,7 +919,7 @@ bool RunAlternatives(Record* record,
       const std::string stage = Format(
           "alternative_%d_%d", static_cast<int>(&method - kAlternatives), r);
       const std::uint64_t seed = FLAGS_seed + 1000u + r;
-      EnsembleRule rule = SearchRule(method.is_paper_rule);
+      EnsembleRule rule = SearchRule(false);
       // Repeats are searches of their own.
       rule.stream = 100u + 10u * (&method - kAlternatives) + r;
       const SearchOutcome outcome =
@@ -1084,6 +1084,11 @@ Json Setup(const Task& task) {
                                      "strings",
                                      "share",
                                      "list_methods",
+                                     // Stages of their own: --resume adds them
+                                     // to a search that is done.
+                                     "profile",
+                                     "alternatives",
+                                     "recovery",
                                      "target"};
   Json setup = Json::object();
   std::vector<gflags::CommandLineFlagInfo> all;
@@ -1204,6 +1209,10 @@ void CheckFlags() {
         "--external cannot go with --paper or --recover, whose targets "
         "come from runs");
   }
+  if (FLAGS_recovery && !FLAGS_paper) {
+    BadInput(
+        "--recovery is of --paper; --recover=VALUES is for any parameters");
+  }
   if (FLAGS_paper) {
     for (const char* flag : {"search",
                              "target",
@@ -1219,7 +1228,10 @@ void CheckFlags() {
       }
     }
     FLAGS_ensemble = "paper";
-    FLAGS_gradient = FLAGS_profile = FLAGS_alternatives = true;
+    if (!IsGiven("gradient")) FLAGS_gradient = true;
+    if (!IsGiven("profile")) FLAGS_profile = true;
+    if (!IsGiven("alternatives")) FLAGS_alternatives = true;
+    if (!IsGiven("recovery")) FLAGS_recovery = true;
   }
   if (FLAGS_smoke) {
     const auto set = [](const char* flag, const char* value) {
@@ -1522,16 +1534,11 @@ int RunIdentify() {
   if (FLAGS_profile && !RunProfile(&record, task, id, &profile)) {
     return Leave(&record);
   }
-  std::vector<AlternativeRun> alternatives;
-  if (FLAGS_alternatives &&
-      !RunAlternatives(&record, task, id.search.runs, &alternatives)) {
-    return Leave(&record);
-  }
   // The flow that the paper's best string makes, found again.
   Identification recovery;
   Task recovery_task = task;
   const std::vector<double> first(kTable1[0].string, kTable1[0].string + 4);
-  if (FLAGS_paper) {
+  if (FLAGS_recovery) {
     recovery_task.target = make_known_target(first);
     Candidate c;
     c.origin = "known";
@@ -1545,6 +1552,11 @@ int RunIdentify() {
                   &recovery)) {
       return Leave(&record);
     }
+  }
+  std::vector<AlternativeRun> alternatives;
+  if (FLAGS_alternatives &&
+      !RunAlternatives(&record, task, id.search.runs, &alternatives)) {
+    return Leave(&record);
   }
   record.Save();
   record.Clear();
@@ -1672,7 +1684,7 @@ int RunIdentify() {
     std::fputs(Grid(table, 0, false).c_str(), stdout);
     output.Write("alternatives.csv", csv);
   }
-  if (FLAGS_paper) {
+  if (FLAGS_recovery) {
     std::printf(
         "\n  recovery of the first string of Table 1 from what it does "
         "on average over %d starts\n",
