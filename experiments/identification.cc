@@ -233,11 +233,13 @@ void PairedDifference(const std::vector<double>& a,
 }
 
 double ConfidenceFactor(int n) {
-  // Expansion of Student's quantile in 1 / (n - 1) (Abramowitz, Stegun 26.7.5).
+  // Student's quantile by powers of 1 / (n - 1) (Abramowitz, Stegun 26.7.5).
   const double z = 1.959963984540054, v = std::max(1, n - 1);
-  const double z3 = z * z * z, z5 = z3 * z * z;
-  return z + (z3 + z) / (4.0 * v) +
-         (5.0 * z5 + 16.0 * z3 + 3.0 * z) / (96.0 * v * v);
+  const double z2 = z * z;
+  return z *
+         (1.0 + (z2 + 1.0) / (4.0 * v) +
+          ((5.0 * z2 + 16.0) * z2 + 3.0) / (96.0 * v * v) +
+          (((3.0 * z2 + 19.0) * z2 + 17.0) * z2 - 15.0) / (384.0 * v * v * v));
 }
 
 bool ParseSearched(const std::string& text,

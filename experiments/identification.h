@@ -98,7 +98,7 @@ void PairedDifference(const std::vector<double>& a,
                       double* error);
 
 // Half the width of the 95 % interval of a mean of n values, in standard errors
-// (Student's t, to 1 % for n >= 4).
+// (Student's t, to 1 % for n >= 5).
 double ConfidenceFactor(int n);
 
 // A parameter that is searched: a flag of a flow and its bounds.

@@ -244,7 +244,7 @@ bool RunEnsembles(const Task& task,
                   const std::vector<std::int64_t>& indices,
                   const EnsembleRule& rule,
                   std::vector<Ensemble>* ensembles,
-                  const std::function<void(int, int)>& show) {
+                  const std::function<void(int, int, int)>& show) {
   // First what each string needs at least, then one run more of each that is
   // not settled: the same whatever the number of threads.
   const int at_once = std::min(std::max(2, rule.least), rule.most);
@@ -253,13 +253,9 @@ bool RunEnsembles(const Task& task,
       int string, number;
     };
     std::vector<Run> runs;
-    int settled = 0;
     for (std::size_t s = 0; s < ensembles->size(); ++s) {
       const std::vector<double>& values = (*ensembles)[s].values;
-      if (IsSettled(rule, values)) {
-        ++settled;
-        continue;
-      }
+      if (IsSettled(rule, values)) continue;
       const int first = static_cast<int>(values.size());
       const int last = std::max(first + 1, at_once);
       for (int r = first; r < last; ++r) {
@@ -277,7 +273,11 @@ bool RunEnsembles(const Task& task,
               StartSeed(
                   run_seed, rule, indices[runs[k].string], runs[k].number));
         },
-        [&](int) { show(settled, static_cast<int>(ensembles->size())); });
+        [&](int k) {
+          show(static_cast<int>(ensembles->size()),
+               k + 1,
+               static_cast<int>(runs.size()));
+        });
     if (StopRequested()) return false;
     for (std::size_t k = 0; k < runs.size(); ++k) {
       std::vector<double>& of = (*ensembles)[runs[k].string].values;
@@ -333,12 +333,14 @@ class Record {
         indices.push_back(static_cast<std::int64_t>(s));
       }
       const bool done =
-          FLAGS_external
-              ? Collect(name, task, rule, indices, &more)
-              : RunEnsembles(
-                    task, indices, rule, &more, [&](int settled, int all) {
-                      Show(name, stage, settled, all);
-                    });
+          FLAGS_external ? Collect(name, task, rule, indices, &more)
+                         : RunEnsembles(task,
+                                        indices,
+                                        rule,
+                                        &more,
+                                        [&](int strings, int run, int runs) {
+                                          Show(name, stage, strings, run, runs);
+                                        });
       if (!done) {
         halted_ = true;
         Save();
@@ -392,17 +394,23 @@ class Record {
   void Clear() { progress_.Clear(); }
 
  private:
-  void Show(const std::string& name, const Stage& stage, int done, int all) {
+  void Show(const std::string& name,
+            const Stage& stage,
+            int strings,
+            int run,
+            int runs) {
     if (!progress_.Due()) return;
-    progress_.Show(Format(
-        "%s: %zu strings and %lld runs done, %d of %d of the next; best P %s",
-        name.c_str(),
-        stage.next,
-        static_cast<long long>(stage.runs),
-        done,
-        all,
-        best_.count(name) > 0 ? Format("%.4f", best_[name]).c_str()
-                              : "not known"));
+    const double best = best_.count(name) > 0 ? best_[name] : kInfinity;
+    progress_.Show(
+        Format("%s: %zu strings and %lld runs done%s; run %d of %d for the "
+               "next %d",
+               name.c_str(),
+               stage.next,
+               static_cast<long long>(stage.runs),
+               std::isfinite(best) ? Format(", best P %.4f", best).c_str() : "",
+               run,
+               runs,
+               strings));
   }
 
   // Values that workers have left in --out. Writes strings.csv for what is
@@ -1311,7 +1319,7 @@ int RunWorker() {
   for (std::size_t k = 0; k < rows.size(); ++k) {
     Row& row = rows[k];
     std::vector<Ensemble> one = {row.ensemble};
-    if (!RunEnsembles(task, {row.index}, row.rule, &one, [&](int, int) {
+    if (!RunEnsembles(task, {row.index}, row.rule, &one, [&](int, int, int) {
           if (progress.Due()) {
             progress.Show(Format("string %zu of %zu", k + 1, rows.size()));
           }

@@ -3384,11 +3384,11 @@ def FlowThroughputFigure(arguments):
 # ---------------------------------------------------------------- identification
 
 
-def IdentifyPanels(count, columns, width, height, bottom=1.25, top=0.4):
+def IdentifyPanels(count, columns, width, height, bottom=1.25, top=0.4, left=0.85):
   rows = -(-count // columns)
   figure, axes = plt.subplots(
       rows, columns, squeeze=False, figsize=(width, height),
-      gridspec_kw=dict(left=0.85 / width, right=1 - 0.25 / width, top=1 - top / height,
+      gridspec_kw=dict(left=left / width, right=1 - 0.25 / width, top=1 - top / height,
                        bottom=bottom / height, wspace=0.28, hspace=0.32))
   for ax in axes.flat:
     ax.grid(True, color=PALE, linewidth=0.7)
@@ -3443,7 +3443,8 @@ def IdentifyResponseFigure(arguments):
     ax.plot(t, table[part + "_target"], color=GREEN, linestyle=(0, (5, 1.5)), label="target")
     ax.set_title(label, loc="left", pad=6)
     ax.set_xlim(t.min(), t.max())
-    ax.set_ylim(0, None)
+    ax.set_ylim(0, 1.12 * max((table[part] + table[part + "_deviation"]).max(),
+                              table[part + "_target"].max()))
     ax.set_xlabel("time / s")
   axes[0].set_ylabel("energy per mass / J kg$^{-1}$")
   axes[0].legend(loc="lower right", fontsize=11)
@@ -3515,6 +3516,10 @@ def IdentifyValleyFigure(arguments):
                               0.12 / height))
     bar = figure.colorbar(marks, cax=bar_ax, orientation="horizontal", extend="max")
     bar.set_label("$P$ in the search", fontsize=10)
+    if norm is not None:
+      bar.ax.minorticks_off()
+      ticks = [low * factor for factor in (1, 2, 5, 10)]
+      bar.set_ticks(ticks, labels=["%.2g" % tick for tick in ticks])
     bar.ax.tick_params(labelsize=9)
   help_width = figure.get_size_inches()[0] - 3.0
   lines = textwrap.wrap("Strings of the search by two of their parameters. Red rings: strings "
@@ -3566,8 +3571,7 @@ def IdentifyAlternativesFigure(arguments):
   if not names:
     raise InputError("%s: no rows" % arguments.table)
   height = 0.52 * len(names) + 2.2
-  figure, (ax,) = IdentifyPanels(1, 1, 8.4, height)
-  figure.subplots_adjust(left=2.6 / 8.4)
+  figure, (ax,) = IdentifyPanels(1, 1, 9.4, height, left=2.6)
   for y, name in enumerate(names):
     k = method == name
     ax.plot(table["reported"][k], np.full(k.sum(), y), "o", markerfacecolor="none",

