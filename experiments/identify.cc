@@ -701,7 +701,7 @@ void PrintIdentification(const Task& task, const Identification& id, int rows) {
   table[0].push_back("");
   int own = 0;
   for (const Candidate& c : id.candidates) {
-    if (IsOwn(c) && ++own > rows) continue;
+    if (c.origin == "search" && ++own > rows) continue;
     const double factor =
         ConfidenceFactor(static_cast<int>(c.fresh.values.size()));
     std::vector<std::string> row = {c.origin};
