@@ -1612,7 +1612,7 @@ int RunIdentify() {
     base.values.resize(profile[0].check.values.size());
     std::printf(
         "\n  profile: the least P with one parameter fixed, %zu "
-        "starts (+- 95 %%); the best: %.4f\n",
+        "starts; in brackets 95 %% in the last digit; the best: %.3f\n",
         base.values.size(),
         base.mean());
     const double factor =
@@ -1630,10 +1630,10 @@ int RunIdentify() {
       if (k == 0 || profile[k - 1].parameter != p.parameter) {
         std::printf("%s    %-8s", k == 0 ? "" : "\n", flag.name.c_str());
       }
-      std::printf(" %.3g: %.4f(%02.0f)",
+      std::printf(" %.3g: %.3f(%.0f)",
                   p.string[p.parameter],
                   p.check.mean(),
-                  std::min(99.0, 1e4 * factor * p.check.error()));
+                  std::ceil(1e3 * factor * p.check.error()));
     }
     std::printf("\n");
     output.Write("profile.csv", csv);
