@@ -8,9 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "experiments/flow_scene.h"
 #include "experiments/run.h"
-#include "granular/flow/flow.h"
-#include "granular/flow/stepper.h"
 
 namespace granopt {
 
@@ -20,12 +19,6 @@ struct Strength {
 };
 constexpr Strength kPaperStrengths[] = {
     {0.0, 0.0}, {0.1, 0.05}, {0.25, 0.125}, {0.5, 0.25}};
-
-// A scene and its start.
-struct FlowCase {
-  std::unique_ptr<FlowScene> scene;
-  FlowState state;
-};
 
 // One of the paper's simulations (sec. 7.1) from that seed; strengths of 0 have
 // no near field.
@@ -40,13 +33,6 @@ bool IsStudy(const std::string& name);
 std::vector<std::string> StudyFiles(const std::string& name);
 // Runs it, writes its files.
 int RunStudy(const std::string& name, Output* output);
-
-// Mean and standard deviation of one run (n - 1; 0 for one value).
-struct MeanSpread {
-  double mean = 0.0;
-  double deviation = 0.0;
-};
-MeanSpread Statistics(const std::vector<double>& values);
 
 }  // namespace granopt
 

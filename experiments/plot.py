@@ -72,6 +72,11 @@
     plot.py flow_work|flow_remark8|flow_throughput TABLE.csv OUT
     plot.py flow_oscillator DECAY.csv RESPONSE.csv OUT
         of `flow --study`
+    plot.py identify_convergence|identify_response|identify_profile|
+            identify_alternatives TABLE.csv OUT
+    plot.py identify_valley FRESH.csv STRINGS.csv OUT
+        of `identify`: figures 7 and 8, least values with one parameter fixed, other
+        searches, strings that are equally good
 
 Each writes OUT.svg and OUT.png, both or neither. The same input gives the same
 bytes. Bad input or usage: one line on stderr, status 2.
@@ -3473,6 +3478,215 @@ def FlowThroughputFigure(arguments):
   return figure
 
 
+# ---------------------------------------------------------------- identification
+
+
+def IdentifyPanels(count, columns, width, height, bottom=1.25, top=0.4, left=0.85):
+  rows = -(-count // columns)
+  figure, axes = plt.subplots(
+      rows, columns, squeeze=False, figsize=(width, height),
+      gridspec_kw=dict(left=left / width, right=1 - 0.25 / width, top=1 - top / height,
+                       bottom=bottom / height, wspace=0.28, hspace=0.32))
+  for ax in axes.flat:
+    ax.grid(True, color=PALE, linewidth=0.7)
+    ax.set_axisbelow(True)
+    ax.tick_params(which="both", top=True, right=True)
+  return figure, list(axes.flat)
+
+
+def IdentifyConvergenceFigure(arguments):
+  """Figure 7: the best value after each list of strings."""
+  table = ReadTable(arguments.table, ("list", "strings", "best", "list_mean", "fresh",
+                                      "fresh_error"))
+  if not len(table["list"]):
+    raise InputError("%s: no rows" % arguments.table)
+  figure, (ax,) = IdentifyPanels(1, 1, 7.6, 5.6)
+  x = table["list"]
+  ax.step(x, table["best"], where="post", color=BLUE, label="best, as the search reports it")
+  ax.plot(x, table["best"], "o", color=BLUE, markersize=4)
+  known = np.isfinite(table["fresh"])
+  ax.errorbar(x[known], table["fresh"][known], 1.96 * table["fresh_error"][known],
+              color=VERMILION, marker="s", markersize=4.5, linestyle=(0, (5, 1.5)), capsize=2.5,
+              label="the same strings on fresh starts (95 %)")
+  top = max(table["best"].max(), (table["fresh"] + 1.96 * table["fresh_error"])[known].max()
+            if known.any() else 0)
+  ax.set_ylim(0, 1.12 * top)
+  ax.set_xlim(-0.3, x.max() + 0.3 if x.max() > 0 else 1)
+  ax.xaxis.set_major_locator(matplotlib.ticker.MaxNLocator(integer=True))
+  ax.set_xlabel("generation" if len(x) <= 60 else "list of strings")
+  ax.set_ylabel("$P$ of the best string")
+  ax.legend(loc="upper right")
+  ReadingHelp(figure, "Figure 7 of the paper: the least value so far. It is a mean over few "
+              "starts, picked as the least of many: on starts that the search has not seen the "
+              "same strings do worse, and later gains may be none.")
+  return figure
+
+
+def IdentifyResponseFigure(arguments):
+  """Figure 8: the energies that the best string makes, and the target."""
+  names = ["time"]
+  for part in ("T", "T_b", "T_r"):
+    names += [part, part + "_deviation", part + "_first", part + "_target"]
+  table = ReadTable(arguments.table, names)
+  if not len(table["time"]):
+    raise InputError("%s: no rows" % arguments.table)
+  figure, axes = IdentifyPanels(3, 3, 12.6, 4.9)
+  t = table["time"]
+  for ax, part, label, colour in zip(
+      axes, ("T", "T_b", "T_r"), ("all, $T$", "bulk, $T_b$", "relative, $T_r$"),
+      (INK, BLUE, VERMILION)):
+    Band(ax, t, table[part], table[part + "_deviation"], colour, "mean")
+    ax.plot(t, table[part + "_first"], color=colour, linewidth=0.8, label="one start")
+    ax.plot(t, table[part + "_target"], color=GREEN, linestyle=(0, (5, 1.5)), label="target")
+    ax.set_title(label, loc="left", pad=6)
+    ax.set_xlim(t.min(), t.max())
+    ax.set_ylim(0, 1.12 * max((table[part] + table[part + "_deviation"]).max(),
+                              table[part + "_target"].max()))
+    ax.set_xlabel("time / s")
+  axes[0].set_ylabel("energy per mass / J kg$^{-1}$")
+  axes[0].legend(loc="lower right", fontsize=11)
+  ReadingHelp(figure, "Figure 8 of the paper: kinetic energy per mass with the identified "
+              "parameters, of all motion, of the centre of mass and relative to it, mean and "
+              "standard deviation over 20 starts. Every start begins away from the target; the area "
+              "between is a floor of $P$.")
+  return figure
+
+
+def Parameters(path, known):
+  """Names of columns that are parameters: those between the known first and the first of
+  the known others."""
+  line = ReadText(path).splitlines()[:1]
+  names = [name.strip() for name in line[0].split(",")] if line else []
+  return [name for name in names if name not in known]
+
+
+def IdentifyValleyFigure(arguments):
+  """Pairs of parameters: every string of the search, and those that are equally good."""
+  fresh_known = ("origin", "reported", "fresh", "fresh_error", "above_best",
+                 "above_best_error", "equal")
+  names = Parameters(arguments.table, fresh_known)
+  if not names:
+    raise InputError("%s: no parameters" % arguments.table)
+  fresh = ReadTable(arguments.table, (*fresh_known, *names), words=("origin",))
+  every = ReadTable(arguments.strings, ("stage", "mean", *names), words=("stage",))
+  origin = np.array(fresh["origin"])
+  own = (origin == "search") | (origin == "gradient")
+  searched = np.array(every["stage"]) == "search"
+  value = every["mean"]
+  searched &= np.isfinite(value)
+  pairs = list(itertools.combinations(names, 2)) or [(names[0], names[0])]
+  columns = min(3, len(pairs))
+  rows = -(-len(pairs) // columns)
+  height = 3.5 * rows + 1.7
+  figure, axes = IdentifyPanels(len(pairs), columns, 4.1 * columns + 0.6, height, 1.35)
+  low = value[searched].min() if searched.any() else 0.0
+  norm = matplotlib.colors.LogNorm(low, max(10 * low, low + 1e-12)) if low > 0 else None
+  shades = matplotlib.colors.LinearSegmentedColormap.from_list(
+      "valley", ["#173F5F", "#5E9BC8", "#C9D6DF", "#ECECEC"])
+  order = np.argsort(-value[searched], kind="stable")
+  marks = None
+  for ax in axes[len(pairs):]:
+    ax.set_visible(False)
+  for ax, (a, b) in zip(axes, pairs):
+    marks = ax.scatter(every[a][searched][order], every[b][searched][order],
+                       c=value[searched][order], cmap=shades, norm=norm, s=20, linewidths=0)
+    equal = own & (fresh["equal"] > 0)
+    ax.scatter(fresh[a][equal], fresh[b][equal], facecolors="none", edgecolors=VERMILION,
+               s=62, linewidths=1.5, label="not told from the best")
+    table = np.array([word.startswith("Table") for word in fresh["origin"]])
+    if table.any():
+      ax.scatter(fresh[a][table], fresh[b][table], marker="x", color=ORANGE, s=44,
+                 linewidths=1.8, label="Table 1 of the paper")
+    known = origin == "known"
+    if known.any():
+      ax.scatter(fresh[a][known], fresh[b][known], marker="*", color=GREEN, s=170,
+                 label="known")
+    best = np.flatnonzero(own)[:1]
+    ax.scatter(fresh[a][best], fresh[b][best], marker="+", color=INK, s=90, linewidths=1.8,
+               label="best")
+    ax.set_xlabel(a)
+    ax.set_ylabel(b)
+  axes[0].legend(loc="best", fontsize=9.5, frameon=True, framealpha=0.85, edgecolor="none")
+  if marks is not None:
+    figure_width = figure.get_size_inches()[0]
+    bar_ax = figure.add_axes((1 - 2.6 / figure_width, 0.62 / height, 2.2 / figure_width,
+                              0.12 / height))
+    bar = figure.colorbar(marks, cax=bar_ax, orientation="horizontal", extend="max")
+    bar.set_label("$P$ in the search", fontsize=10)
+    if norm is not None:
+      bar.ax.minorticks_off()
+      ticks = [low * factor for factor in (1, 2, 5, 10)]
+      bar.set_ticks(ticks, labels=["%.2g" % tick for tick in ticks])
+    bar.ax.tick_params(labelsize=9)
+  help_width = figure.get_size_inches()[0] - 3.0
+  lines = textwrap.wrap("Strings of the search by two of their parameters. Red rings: strings "
+                        "that fresh starts do not tell from the best. Where they lie along a "
+                        "line only a combination of the two parameters is determined, and no "
+                        "number of either.", int(13.2 * (help_width - 0.95)))
+  figure.text(0.85 / figure.get_size_inches()[0], 0.14 / height, "\n".join(lines), fontsize=10,
+              color=GREY, va="bottom", linespacing=1.45)
+  return figure
+
+
+def IdentifyProfileFigure(arguments):
+  """The least value at fixed values of each parameter."""
+  known = ("parameter", "P", "error", "best", "best_error")
+  table = ReadTable(arguments.table, (*known, "value"), words=("parameter",))
+  parameter = np.array(table["parameter"])
+  names = Unique(table["parameter"])
+  if not names:
+    raise InputError("%s: no rows" % arguments.table)
+  columns = min(4, len(names))
+  rows = -(-len(names) // columns)
+  figure, axes = IdentifyPanels(len(names), columns, 3.1 * columns + 1.0, 3.3 * rows + 1.6)
+  finite = np.isfinite(table["P"])
+  top = min(table["P"][finite].max(), 4 * table["best"][0]) if finite.any() else 1
+  for ax in axes[len(names):]:
+    ax.set_visible(False)
+  for ax, name in zip(axes, names):
+    k = parameter == name
+    best, error = table["best"][0], 1.96 * table["best_error"][0]
+    ax.axhspan(best - error, best + error, color=GREEN, alpha=0.18, linewidth=0)
+    ax.axhline(best, color=GREEN, linewidth=1.2, linestyle=(0, (5, 1.5)))
+    ax.errorbar(table["value"][k], table["P"][k], 1.96 * table["error"][k], color=BLUE,
+                marker="o", markersize=5, capsize=2.5)
+    ax.set_ylim(0, 1.1 * top)
+    ax.set_xlabel(name)
+  axes[0].set_ylabel("least $P$, others free")
+  ReadingHelp(figure, "The least value that was found with one parameter held fixed and the "
+              "others searched, on 20 fresh starts (95 %); green: the best of all. A parameter "
+              "is determined only as far as its curve leaves the green band.")
+  return figure
+
+
+def IdentifyAlternativesFigure(arguments):
+  """Searches with as many runs: what they report and what fresh starts say."""
+  table = ReadTable(arguments.table, ("method", "runs", "reported", "fresh", "fresh_error"),
+                    words=("method",))
+  method = np.array(table["method"])
+  names = Unique(table["method"])
+  if not names:
+    raise InputError("%s: no rows" % arguments.table)
+  height = 0.52 * len(names) + 2.2
+  figure, (ax,) = IdentifyPanels(1, 1, 9.4, height, left=2.6)
+  for y, name in enumerate(names):
+    k = method == name
+    ax.plot(table["reported"][k], np.full(k.sum(), y), "o", markerfacecolor="none",
+            color=BLUE, label="reported" if y == 0 else None)
+    ax.errorbar(table["fresh"][k], y + 0.12 * (np.arange(k.sum()) - (k.sum() - 1) / 2),
+                xerr=1.96 * table["fresh_error"][k], fmt="s", color=VERMILION, markersize=5,
+                capsize=2.5, label="on fresh starts (95 %)" if y == 0 else None)
+  ax.set_yticks(range(len(names)), names)
+  ax.set_ylim(len(names) - 0.4, -0.9)
+  ax.set_xlim(0, None)
+  ax.set_xlabel("$P$ of the best string")
+  ax.legend(loc="upper left", ncol=2, fontsize=11)
+  ReadingHelp(figure, "The best string of each search, all with the same number of simulations: "
+              "the mean that the search saw and the mean on starts that none has seen. "
+              "Searches whose bars overlap are not told apart.")
+  return figure
+
+
 # ---------------------------------------------------------------- output
 
 
@@ -3991,6 +4205,19 @@ def Arguments(words):
   command.add_argument("table")
   command.add_argument("out")
   command.set_defaults(figure=EventsFigure)
+  for name, figure in (("identify_convergence", IdentifyConvergenceFigure),
+                       ("identify_response", IdentifyResponseFigure),
+                       ("identify_profile", IdentifyProfileFigure),
+                       ("identify_alternatives", IdentifyAlternativesFigure)):
+    command = commands.add_parser(name)
+    command.add_argument("table")
+    command.add_argument("out")
+    command.set_defaults(figure=figure)
+  command = commands.add_parser("identify_valley")
+  command.add_argument("table")
+  command.add_argument("strings")
+  command.add_argument("out")
+  command.set_defaults(figure=IdentifyValleyFigure)
   return parser.parse_args(words)
 
 

@@ -1,0 +1,215 @@
+// The binary `identify` as a user runs it.
+
+#include <sys/stat.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
+#include <string>
+
+#include "gtest/gtest.h"
+#include "nlohmann/json.hpp"
+
+namespace granopt {
+namespace {
+
+using Json = nlohmann::json;
+
+std::string Slurp(const std::string& path) {
+  std::ifstream file(path);
+  std::stringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+bool Exists(const std::string& path) {
+  struct stat status;
+  return stat(path.c_str(), &status) == 0;
+}
+
+struct Outcome {
+  int status = -1;
+  std::string out, err;
+};
+
+class Identify : public testing::Test {
+ protected:
+  void SetUp() override {
+    char name[] = "/tmp/granopt_identify_XXXXXX";
+    ASSERT_NE(mkdtemp(name), nullptr);
+    folder_ = name;
+  }
+  void TearDown() override {
+    EXPECT_EQ(std::system(("rm -rf '" + folder_ + "'").c_str()), 0);
+  }
+  Outcome Do(const std::string& arguments) {
+    Outcome run;
+    const int status = std::system(
+        ("cd '" + folder_ +
+         "' && " GRANOPT_BINARIES "/identify --nopictures --smoke " +
+         arguments + " > stdout.txt 2> stderr.txt < /dev/null")
+            .c_str());
+    run.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    run.out = Slurp(folder_ + "/stdout.txt");
+    run.err = Slurp(folder_ + "/stderr.txt");
+    return run;
+  }
+  Json Summary(const std::string& folder) {
+    return Json::parse(Slurp(folder_ + "/" + folder + "/summary.json"));
+  }
+  void ExpectSame(const std::string& a, const std::string& b) {
+    for (const char* file : {"strings_evaluated.csv",
+                             "history.csv",
+                             "fresh.csv",
+                             "response.csv",
+                             "best_final.xyz"}) {
+      EXPECT_FALSE(Slurp(folder_ + "/" + a + "/" + file).empty()) << file;
+      EXPECT_EQ(Slurp(folder_ + "/" + a + "/" + file),
+                Slurp(folder_ + "/" + b + "/" + file))
+          << file;
+    }
+  }
+  std::string folder_;
+};
+
+TEST_F(Identify, ThreadsDoNotMatter) {
+  ASSERT_EQ(Do("--out=one").status, 0);
+  const Outcome run = Do("--threads=3 --out=three");
+  ASSERT_EQ(run.status, 0) << run.err;
+  ExpectSame("one", "three");
+  const Json json = Summary("one");
+  EXPECT_EQ(json.at("schema"), "granopt/identify/1");
+  // 8 + 2 (2 + 4) + 7 + 6 of the smoke size.
+  EXPECT_EQ(json.at("strings"), 33);
+  EXPECT_GE(json.at("runs").get<int>(), 5 * 33);
+}
+
+// Stopped by a signal, wherever that finds it; then resumed.
+TEST_F(Identify, ResumesToTheSameBits) {
+  ASSERT_EQ(Do("--out=whole").status, 0);
+  const std::string cut =
+      "cd '" + folder_ +
+      "' && timeout -s INT 0.15 " GRANOPT_BINARIES
+      "/identify --nopictures --smoke --out=cut > /dev/null 2>&1; true";
+  ASSERT_EQ(std::system(cut.c_str()), 0);
+  const Outcome run = Do("--resume --out=cut");
+  ASSERT_EQ(run.status, 0) << run.err;
+  ExpectSame("whole", "cut");
+  // A search that is done gets a profile without running again.
+  const Outcome more = Do("--resume --profile --out=cut");
+  ASSERT_EQ(more.status, 0) << more.err;
+  EXPECT_NE(more.out.find("resumed after "), std::string::npos) << more.out;
+  EXPECT_TRUE(Exists(folder_ + "/cut/profile.csv"));
+  const Outcome other = Do("--resume --mu_s=0.3 --out=cut");
+  EXPECT_EQ(other.status, 2);
+  EXPECT_NE(other.err.find("begun with mu_s"), std::string::npos) << other.err;
+}
+
+// Two processes evaluate what a third asks for: the same bits as one.
+TEST_F(Identify, WorkersGiveTheSameBits) {
+  ASSERT_EQ(Do("--out=one").status, 0);
+  int rounds = 0;
+  Outcome run;
+  while ((run = Do("--external --out=many")).status == 1 && rounds < 10) {
+    ++rounds;
+    ASSERT_TRUE(Exists(folder_ + "/many/strings.csv")) << run.err;
+    const std::string both =
+        "cd '" + folder_ +
+        "' && for k in 1 2; do " GRANOPT_BINARIES
+        "/identify --nopictures --smoke --worker --strings=many/strings.csv "
+        "--share=$k/2 --out=many > worker$k.txt 2>&1 & done; wait";
+    ASSERT_EQ(std::system(both.c_str()), 0);
+    EXPECT_NE(Slurp(folder_ + "/worker2.txt").find("share 2 of 2"),
+              std::string::npos)
+        << Slurp(folder_ + "/worker2.txt");
+  }
+  ASSERT_EQ(run.status, 0) << run.err;
+  // A population, four generations, fresh starts, confirmation.
+  EXPECT_EQ(rounds, 7);
+  ExpectSame("one", "many");
+  EXPECT_FALSE(Exists(folder_ + "/many/strings.csv"));
+  // Strings that were asked for with other flags.
+  Do("--external --mu_s=0.3 --out=other");
+  const Outcome worker = Do("--worker --strings=other/strings.csv --out=other");
+  EXPECT_EQ(worker.status, 2);
+  EXPECT_NE(worker.err.find("asked for with other flags"), std::string::npos)
+      << worker.err;
+}
+
+// The strength that made a flow is found again. The known one has a misfit,
+// too: starts scatter about their mean.
+TEST_F(Identify, RecoversAKnownParameter) {
+  const Outcome run =
+      Do("--search=alpha1:0:1 --beta1=1 --alpha2=0.25 --beta2=2 --recover=0.5 "
+         "--particles=40 --duration=0.4 --fresh=20 --out=out "
+         "--method=genetic_algorithm:population=12,generations=10,restart=4,"
+         "parents=4");
+  ASSERT_EQ(run.status, 0) << run.err;
+  const Json json = Summary("out");
+  EXPECT_NEAR(
+      json.at("best").at("string").at("alpha1").get<double>(), 0.5, 0.1);
+  double known = -1.0;
+  for (const Json& c : json.at("candidates")) {
+    if (c.at("origin") == "known") known = c.at("fresh");
+  }
+  ASSERT_GT(known, 0.0);
+  EXPECT_LT(json.at("best").at("fresh").get<double>(), 1.5 * known);
+}
+
+TEST_F(Identify, RefusesInOneLine) {
+  std::ofstream(folder_ + "/bad.csv") << "time,T,T_b,T_r\n0,1,1,1\n1,1,x,1\n";
+  const struct {
+    const char* arguments;
+    const char* words;
+  } cases[] = {
+      {"--search=alpha1", "--search: 'alpha1' is not name:low:high"},
+      {"--search=foo:0:1", "'foo' is not a flag of a flow"},
+      {"--search=particles:1:5", "'particles' is not a flag of a flow"},
+      {"--search=duration:0.1:1", "'duration'"},
+      {"--alpha1=0.3", "--alpha1 is searched"},
+      {"--method=foo", "--method: unknown search 'foo'"},
+      {"--ensemble=foo", "--ensemble=foo must be"},
+      {"--weights=1,2", "--weights=1,2 must be three numbers"},
+      {"--target_energies=1,0,1", "0 cannot be divided by"},
+      {"--target=missing.csv", "--target: "},
+      {"--target=bad.csv", "bad.csv:3: T_b: 'x' is not a number"},
+      {"--recover=1,2", "2 values for 4 parameters"},
+      {"--worker", "--worker needs --strings"},
+      {"--worker --strings=bad.csv", "no column setup"},
+      {"--share=1/2", "--share is of --worker"},
+      {"--worker --strings=bad.csv --share=3/2", "--share=3/2 must be"},
+      {"--external --recover=1,1,1,1", "--external cannot go with"},
+      {"--paper --search=alpha1:0:1", "--search cannot go with --paper"},
+      {"--restitution=2", "restitution e = 2 must be in"},
+      {"--threads=0", "--threads=0 must be in"}};
+  for (const auto& c : cases) {
+    const Outcome run = Do(std::string(c.arguments) + " --out=out");
+    EXPECT_EQ(run.status, 2) << c.arguments;
+    EXPECT_EQ(std::count(run.err.begin(), run.err.end(), '\n'), 1) << run.err;
+    EXPECT_NE(run.err.find(c.words), std::string::npos)
+        << c.arguments << "\n got: " << run.err;
+    EXPECT_FALSE(Exists(folder_ + "/out")) << c.arguments;
+  }
+}
+
+TEST_F(Identify, PaperAtSmokeSize) {
+  const Outcome run = Do("--paper --out=out");
+  ASSERT_EQ(run.status, 0) << run.err;
+  const Json json = Summary("out");
+  int table = 0;
+  for (const Json& c : json.at("candidates")) {
+    table += c.at("origin").get<std::string>().rfind("Table 1", 0) == 0;
+  }
+  EXPECT_EQ(table, 6);
+  EXPECT_GE(json.at("alternatives").size(), 3u);
+  EXPECT_TRUE(json.at("recovery").at("best").at("fresh").is_number());
+  for (const char* file : {"profile.csv", "alternatives.csv", "recovery.csv"}) {
+    EXPECT_TRUE(Exists(folder_ + "/out/" + file)) << file;
+  }
+}
+
+}  // namespace
+}  // namespace granopt
