@@ -7,9 +7,9 @@
 #include <cstdio>
 #include <cstring>
 #include <fstream>
-#include <sstream>
 
 #include "experiments/jobs.h"
+#include "granular/atomic_file.h"
 
 namespace granopt {
 namespace {
@@ -27,10 +27,9 @@ std::vector<std::string> ThatMatter(const std::vector<std::string>& words) {
 
 // False where there is no summary.json that can be parsed.
 bool ReadSummary(const std::string& folder, Json* json) {
-  std::ifstream file(folder + "/summary.json");
-  std::stringstream text;
-  text << file.rdbuf();
-  *json = Json::parse(text.str(), nullptr, /*allow_exceptions=*/false);
+  std::string text, none;
+  if (!ReadFile(folder + "/summary.json", &text, &none)) return false;
+  *json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
   return !json->is_discarded() && json->is_object();
 }
 

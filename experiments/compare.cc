@@ -132,7 +132,7 @@ constexpr char kFig2Solvers[] =
     "FR-CG@ncg:beta=fr;"
     "P-FR-CG@ncg:beta=fr,preconditioner=laplacian";
 
-// FR-CG where the paper has none, second-order methods and `auto` beside.
+// The paper has the first two; beside them FR-CG, second-order methods, `auto`.
 constexpr char kFig7Solvers[] =
     "L-BFGS@lbfgs:memory=5;"
     "P-L-BFGS (A = 0)@lbfgs:memory=5,scaling=paper,preconditioner=laplacian,"

@@ -982,28 +982,6 @@ std::string Minima::Tag(double energy,
 
 // ---------------------------------------------------------------- tables
 
-Quantiles QuantilesOf(std::vector<double> values) {
-  Quantiles result = {kNan, kNan, kNan};
-  if (values.empty()) return result;
-  std::sort(values.begin(), values.end());
-  const auto at = [&values](double fraction) {
-    const double place = fraction * static_cast<double>(values.size() - 1);
-    const std::size_t below = static_cast<std::size_t>(place);
-    const double weight = place - static_cast<double>(below);
-    if (weight < 1e-9) return values[below];
-    if (std::isinf(values[below + 1])) return kInfinity;
-    return values[below] + weight * (values[below + 1] - values[below]);
-  };
-  result.low = at(0.2);
-  result.median = at(0.5);
-  result.high = at(0.8);
-  return result;
-}
-
-double MedianOf(std::vector<double> values) {
-  return QuantilesOf(std::move(values)).median;
-}
-
 const PaperEntry* PaperTable1(const std::string& kind,
                               const std::string& label) {
   struct Row {
@@ -1177,22 +1155,6 @@ Problems CollectProblems(const ComparisonSetup& setup,
 MedianWorst MedianAndWorst(const std::vector<double>& values) {
   if (values.empty()) return {kNan, kNan};
   return {MedianOf(values), *std::max_element(values.begin(), values.end())};
-}
-
-MeanDeviation MeanAndDeviation(const std::vector<double>& values) {
-  MeanDeviation result = {kNan, kNan};
-  if (values.empty()) return result;
-  double sum = 0.0;
-  for (const double value : values) sum += value;
-  const double n = static_cast<double>(values.size());
-  result.mean = sum / n;
-  if (values.size() < 2) return result;
-  double squares = 0.0;
-  for (const double value : values) {
-    squares += (value - result.mean) * (value - result.mean);
-  }
-  result.deviation = std::sqrt(squares / (n - 1.0));
-  return result;
 }
 
 namespace {

@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "experiments/statistics.h"
 #include "experiments/tabular.h"
 #include "nlohmann/json.hpp"
 #include "solvers/solver.h"
@@ -318,15 +319,6 @@ class Minima {
 
 // ---------------------------------------------------------------- tables
 
-struct Quantiles {
-  double low = 0.0;     // 20 %
-  double median = 0.0;  // 50 %
-  double high = 0.0;    // 80 %
-};
-// Of values that may be infinite (a run that never got there); linear between
-// neighbours. NaN without values.
-Quantiles QuantilesOf(std::vector<double> values);
-double MedianOf(std::vector<double> values);
 // "2015", "2015 (1980-2100)"; ">5000" (spent) if the median run never got
 // there.
 std::string Spread(const Quantiles& q,
@@ -395,11 +387,6 @@ struct MedianWorst {
   double median = 0.0, worst = 0.0;  // NaN without values
 };
 MedianWorst MedianAndWorst(const std::vector<double>& values);
-
-struct MeanDeviation {
-  double mean = 0.0, deviation = 0.0;  // with n - 1; NaN without values, of one
-};
-MeanDeviation MeanAndDeviation(const std::vector<double>& values);
 
 struct StepRow {
   Method method;

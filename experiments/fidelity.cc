@@ -214,7 +214,6 @@ int RunFlows(const FlowPreset& preset,
       }
     }
   }
-  const double root = std::sqrt(static_cast<double>(FLAGS_seeds));
   std::vector<std::vector<Change>> table(kModels,
                                          std::vector<Change>(kNumQuantities));
   for (int m = 0; m < kModels; ++m) {
@@ -226,9 +225,9 @@ int RunFlows(const FlowPreset& preset,
       const MeanDeviation value = MeanAndDeviation(values[m][q]);
       const MeanDeviation difference = MeanAndDeviation(apart);
       table[m][q] = {value.mean,
-                     value.deviation / root,
+                     value.standard_error,
                      difference.mean,
-                     difference.deviation / root};
+                     difference.standard_error};
     }
   }
   // Good enough, too far, or more starts are needed to tell.
@@ -406,19 +405,21 @@ int RunPackings(Output* output) {
           BadInput(error);
         }
         const double cost = CpuSeconds() - begin;
-        law.precision = Precision::DOUBLE;
-        const auto energy = ContactEnergy::Create(run.packing, law, &error);
-        if (energy == nullptr) BadInput(error);
-        const std::vector<double> zero(energy->NumParameters(), 0.0);
         const ElasticResponse r =
-            ComputeElasticResponse(*energy, zero.data(), model.prestress);
+            ComputeElasticResponse(run.packing, law, model.prestress);
+        if (!r.found) {
+          BadInput(Format("packing %d, %s: no moduli: %s",
+                          s + 1,
+                          model.name,
+                          r.message.c_str()));
+        }
         Observed& o = observed[m];
         // Moduli in units of kappa, so that laws compare.
         const double kappa = (model.alpha - 1.0) * run.observables.mean_force /
                              run.observables.mean_overlap;
         o.z.push_back(run.observables.coordination);
-        o.g.push_back(r.found ? r.shear_mean / kappa : 0.0);
-        o.b.push_back(r.found ? r.bulk_growth / kappa : 0.0);
+        o.g.push_back(r.shear_mean / kappa);
+        o.b.push_back(r.bulk_growth / kappa);
         o.p.push_back(run.observables.pressure / kappa);
         o.seconds.push_back(cost);
       }
@@ -440,7 +441,6 @@ int RunPackings(Output* output) {
                                                  "change",
                                                  "p / kappa",
                                                  "change"}};
-  const double root = std::sqrt(static_cast<double>(FLAGS_seeds));
   Json json;
   json["scene"] = "packing";
   json["models"] = Json::array();
@@ -462,7 +462,7 @@ int RunPackings(Output* output) {
       const MeanDeviation value = MeanAndDeviation(*mine[q]);
       const MeanDeviation difference = MeanAndDeviation(apart);
       const double size = std::abs(MeanAndDeviation(*whole[q]).mean);
-      const double e = difference.deviation / root;
+      const double e = difference.standard_error;
       const char* verdict =
           std::abs(difference.mean) + 2.0 * e <= FLAGS_accuracy * size  ? "ok"
           : std::abs(difference.mean) - 2.0 * e > FLAGS_accuracy * size ? "no"
@@ -476,7 +476,7 @@ int RunPackings(Output* output) {
       csv += Field(kPackingModels[m].name) + "," + names[q] +
              Format(",%.9g,%.4g,%.9g,%.4g,%s,%.6g\n",
                     value.mean,
-                    value.deviation / root,
+                    value.standard_error,
                     difference.mean,
                     e,
                     verdict,

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "experiments/checkpoint.h"
+#include "experiments/statistics.h"
 #include "granular/packing_io.h"
 #include "solvers/registry.h"
 #include "solvers/threads.h"
@@ -810,7 +811,7 @@ int RunPaper() {
       Json row = {{"alpha1", kPaperStrengths[c].alpha1},
                   {"alpha2", kPaperStrengths[c].alpha2}};
       for (std::size_t k = 0; k < columns.size(); ++k) {
-        const MeanSpread m = Statistics(columns[k]);
+        const MeanDeviation m = MeanAndDeviation(columns[k]);
         row[kRunNumbers[k]] = m.mean;
         row[std::string(kRunNumbers[k]) + "_sd"] = m.deviation;
       }
@@ -825,8 +826,9 @@ int RunPaper() {
           wrap.push_back(r.wrap[t]);
         }
         if (kinetic.empty()) continue;
-        const MeanSpread k = Statistics(kinetic), f = Statistics(fraction),
-                         w = Statistics(wrap);
+        const MeanDeviation k = MeanAndDeviation(kinetic),
+                            f = MeanAndDeviation(fraction),
+                            w = MeanAndDeviation(wrap);
         energy_csv += Format(
             "%s,%d,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,"
             "%.17g,%.17g\n",

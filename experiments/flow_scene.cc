@@ -103,18 +103,6 @@ DEFINE_string(solver,
 
 namespace granopt {
 
-MeanSpread Statistics(const std::vector<double>& values) {
-  MeanSpread result;
-  const double n = static_cast<double>(values.size());
-  for (const double v : values) result.mean += v / n;
-  double sum = 0.0;
-  for (const double v : values) {
-    sum += (v - result.mean) * (v - result.mean);
-  }
-  if (values.size() > 1) result.deviation = std::sqrt(sum / (n - 1.0));
-  return result;
-}
-
 namespace {
 
 void ReadVector(const char* flag, const std::string& text, double* v) {

@@ -81,13 +81,6 @@ std::unique_ptr<Stepper> MakeStepper();
 // One frame of extended XYZ; 9 digits are enough to look at, 17 to go on.
 std::string Frame(const FlowScene& scene, const FlowState& state, int digits);
 
-// Mean and standard deviation of one run (n - 1; 0 for one value).
-struct MeanSpread {
-  double mean = 0.0;
-  double deviation = 0.0;
-};
-MeanSpread Statistics(const std::vector<double>& values);
-
 }  // namespace granopt
 
 #endif  // GRANOPT_EXPERIMENTS_FLOW_SCENE_H_

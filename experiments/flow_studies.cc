@@ -10,6 +10,7 @@
 
 #include "Eigen/Cholesky"
 #include "experiments/flow.h"
+#include "experiments/statistics.h"
 #include "solvers/registry.h"
 #include "solvers/threads.h"
 
@@ -148,10 +149,10 @@ int WorkPrecision(Output* output) {
     progress.Clear();
     for (std::size_t c = 0; c < contenders.size(); ++c) {
       const Contender& k = contenders[c];
-      const MeanSpread e = Statistics(errors[c]);
+      const MeanDeviation e = MeanAndDeviation(errors[c]);
       std::sort(seconds[c].begin(), seconds[c].end());
       const double median = seconds[c][seconds[c].size() / 2];
-      const double mean_sweeps = Statistics(sweeps[c]).mean;
+      const double mean_sweeps = MeanAndDeviation(sweeps[c]).mean;
       csv += Format("%d,%s,%s,%g,%g,%.6g,%.6g,%.6g,%.6g,%.6g\n",
                     number,
                     k.family,
@@ -162,7 +163,7 @@ int WorkPrecision(Output* output) {
                     e.deviation,
                     mean_sweeps,
                     median,
-                    Statistics(rejected[c]).mean);
+                    MeanAndDeviation(rejected[c]).mean);
       rows.push_back({{"case", number},
                       {"stepper", k.name},
                       {"tolerance", k.tolerance},

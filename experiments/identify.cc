@@ -29,6 +29,7 @@
 #include "experiments/flow_scene.h"
 #include "experiments/identification.h"
 #include "experiments/run.h"
+#include "experiments/statistics.h"
 #include "experiments/tabular.h"
 #include "granular/atomic_file.h"
 #include "granular/packing_io.h"
@@ -1067,7 +1068,7 @@ std::string ResponseCsv(const Response& response, const EnergyCurve& target) {
       for (const EnergyCurve& c : response.curves) {
         values.push_back((c.*part)[t]);
       }
-      const MeanSpread m = Statistics(values);
+      const MeanDeviation m = MeanAndDeviation(values);
       csv += Format(",%.17g,%.17g,%.17g,%.17g",
                     m.mean,
                     m.deviation,
@@ -1670,19 +1671,21 @@ int RunIdentify() {
         fresh.push_back(a.fresh.mean());
         error += a.fresh.error() / FLAGS_repeats;
       }
-      const double f = Statistics(fresh).mean, p = Statistics(reported).mean;
+      const double f = MeanAndDeviation(fresh).mean,
+                   p = MeanAndDeviation(reported).mean;
       table.push_back({alternatives[k].method->name,
-                       Format("%.0f", Statistics(strings).mean),
-                       Format("%.0f", Statistics(runs).mean),
+                       Format("%.0f", MeanAndDeviation(strings).mean),
+                       Format("%.0f", MeanAndDeviation(runs).mean),
                        Format("%.4f", p),
                        Format("%.4f", f),
                        Format("%.4f", ConfidenceFactor(FLAGS_fresh) * error),
                        Format("%.0f %%", 100.0 * (1.0 - p / f))});
-      json["alternatives"].push_back({{"method", alternatives[k].method->name},
-                                      {"strings", Statistics(strings).mean},
-                                      {"runs", Statistics(runs).mean},
-                                      {"reported", p},
-                                      {"fresh", f}});
+      json["alternatives"].push_back(
+          {{"method", alternatives[k].method->name},
+           {"strings", MeanAndDeviation(strings).mean},
+           {"runs", MeanAndDeviation(runs).mean},
+           {"reported", p},
+           {"fresh", f}});
     }
     std::printf(
         "\n  other searches with as many runs, means of %d; their best "

@@ -1,6 +1,5 @@
 #include "experiments/moduli.h"
 
-#include <memory>
 #include <vector>
 
 DEFINE_bool(moduli,
@@ -41,12 +40,7 @@ std::string PublishModuli(const Packing& packing,
                           const ContactEnergyOptions& law,
                           Json* json) {
   if (!FLAGS_moduli) return "";
-  std::string error;
-  const std::unique_ptr<ContactEnergy> energy =
-      ContactEnergy::Create(packing, law, &error);
-  if (energy == nullptr) BadInput(error);
-  const std::vector<double> zero(energy->NumParameters(), 0.0);
-  const ElasticResponse r = ComputeElasticResponse(*energy, zero.data());
+  const ElasticResponse r = ComputeElasticResponse(packing, law);
   (*json)["moduli"] = ModuliJson(r);
   if (!r.found) return "moduli        none: " + r.message + "\n";
   return Format(

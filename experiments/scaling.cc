@@ -118,13 +118,9 @@ bool MeasureState(const Packing& packing,
                   ScalingState* state,
                   Json* json,
                   std::string* error) {
-  const auto energy = ContactEnergy::Create(packing, law, error);
-  if (energy == nullptr) BadInput(*error);
-  const std::vector<double> zero(energy->NumParameters(), 0.0);
-  double value = 0.0;
-  Scales scales;
-  energy->EvaluateWithScales(zero.data(), &value, nullptr, &scales);
-  const Observables o = Measure(packing, energy->Contacts(zero.data()), value);
+  Relaxation as_it_is;
+  if (!MeasureAsItIs(packing, law, &as_it_is, error)) BadInput(*error);
+  const Observables& o = as_it_is.observables;
   const int d = packing.dimension();
   state->particles = packing.size();
   state->seed = static_cast<double>(FLAGS_seed);
@@ -155,7 +151,7 @@ bool MeasureState(const Packing& packing,
   QuadResidual judge;
   if (!EvaluateQuad(packing, law, nullptr, &judge, error)) BadInput(*error);
   state->residual = judge.Relative();
-  const ElasticResponse r = ComputeElasticResponse(*energy, zero.data());
+  const ElasticResponse r = ComputeElasticResponse(packing, law);
   if (!r.found) {
     *error = r.message;
     return false;
@@ -182,11 +178,7 @@ bool SpectrumRows(const Packing& packing,
                   double asked,
                   std::string* rows,
                   std::string* error) {
-  const auto energy = ContactEnergy::Create(packing, law, error);
-  if (energy == nullptr) BadInput(*error);
-  const std::vector<double> zero(energy->NumParameters(), 0.0);
-  const Vibrations all =
-      ComputeVibrations(*energy, zero.data(), VibrationOptions());
+  const Vibrations all = ComputeVibrations(packing, law, VibrationOptions());
   if (!all.found) {
     *error = all.message;
     return false;
@@ -293,11 +285,10 @@ int RunOne(const Plan& plan) {
   // The state nearest to jamming.
   std::string certificate;
   {
-    const auto energy =
-        ContactEnergy::Create(packings[0], scene.energy, &error);
-    if (energy == nullptr) BadInput(error);
-    const std::vector<double> zero(energy->NumParameters(), 0.0);
-    const Relaxation nearest = Conclude(Summary(), zero.data(), energy.get());
+    Relaxation nearest;
+    if (!MeasureAsItIs(packings[0], scene.energy, &nearest, &error)) {
+      BadInput(error);
+    }
     output.WritePacking("packing.xyz", Annotated(nearest, scene.energy));
     output.Write("contacts.csv", ContactsCsv(nearest));
     FLAGS_zero_pressure =

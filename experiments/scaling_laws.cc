@@ -6,7 +6,7 @@
 #include <set>
 #include <utility>
 
-#include "experiments/comparison.h"
+#include "experiments/statistics.h"
 #include "experiments/tabular.h"
 #include "granular/distributions.h"
 #include "granular/random.h"
@@ -222,16 +222,8 @@ Exponent FitExponent(const std::vector<ScalingState>& states,
     }
   }
   if (static_cast<int>(values.size()) < options.resamples) return fit;
-  std::sort(values.begin(), values.end());
-  const auto percentile = [&values](double part) {
-    const double at = part * static_cast<double>(values.size() - 1);
-    const std::size_t below = static_cast<std::size_t>(at);
-    const std::size_t above = std::min(below + 1, values.size() - 1);
-    const double rest = at - static_cast<double>(below);
-    return (1.0 - rest) * values[below] + rest * values[above];
-  };
-  fit.low = percentile(0.025);
-  fit.high = percentile(0.975);
+  fit.low = QuantileOf(values, 0.025);
+  fit.high = QuantileOf(values, 0.975);
   return fit;
 }
 

@@ -249,14 +249,16 @@ Json StartJson(const Packing& packing, const ContactEnergyOptions& options) {
   Json json;
   const int many = packing.dimension() == 3 ? 2000 : 20000;
   std::string error;
-  const auto energy = ContactEnergy::Create(packing, options, &error);
-  if (energy == nullptr || packing.size() > many) return json;
-  const std::vector<double> zero(energy->NumParameters(), 0.0);
-  const Observables o = Measure(packing, energy->Contacts(zero.data()), 0.0);
+  Relaxation as_it_is;
+  if (packing.size() > many ||
+      !MeasureAsItIs(packing, options, &as_it_is, &error)) {
+    return json;
+  }
+  const Observables& o = as_it_is.observables;
   json["rigid_grains"] = o.rigid_grains;
   json["rigid_contacts"] = o.rigid_contacts;
   json["isostatic_contacts"] = o.isostatic_contacts;
-  const ElasticResponse response = ComputeElasticResponse(*energy, zero.data());
+  const ElasticResponse response = ComputeElasticResponse(packing, options);
   if (!response.found) return json;
   json["shear_modulus"] = response.shear;
   json["least_shear_modulus"] = response.shear_principal.minCoeff();
@@ -482,11 +484,9 @@ int Main() {
   }
   // A run that was complete has nothing in `last`; measure it again.
   if (last.packing.size() == 0) {
-    const auto energy =
-        ContactEnergy::Create(run.state.packing, scene.energy, &error);
-    if (energy == nullptr) BadInput(error);
-    const std::vector<double> zero(energy->NumParameters(), 0.0);
-    last = Conclude(Summary(), zero.data(), energy.get());
+    if (!MeasureAsItIs(run.state.packing, scene.energy, &last, &error)) {
+      BadInput(error);
+    }
   }
 
   const std::vector<Agreement> agreement = FLAGS_cycles == 0

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
-#include <sstream>
 
 #include "experiments/children.h"
 #include "experiments/scene.h"
 #include "experiments/shear_events.h"
+#include "experiments/statistics.h"
+#include "granular/atomic_file.h"
 
 DECLARE_string(seeds);
 DECLARE_string(mode);
@@ -30,13 +30,6 @@ std::string NameOf(const ShearMember& member) {
   return Format("seed%llu", static_cast<unsigned long long>(member.seed));
 }
 
-std::string ReadText(const std::string& path) {
-  std::ifstream file(path);
-  std::stringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
-
 void ReadMember(const std::string& folder,
                 const Json& summary,
                 ShearMember* member) {
@@ -46,41 +39,28 @@ void ReadMember(const std::string& folder,
     member->failure = std::string("summary.json: ") + exception.what();
     return;
   }
-  if (!ParseCurves(
-          ReadText(folder + "/curves.csv"), &member->rows, &member->failure)) {
+  std::string text;
+  if (!ReadFile(folder + "/curves.csv", &text, &member->failure) ||
+      !ParseCurves(text, &member->rows, &member->failure)) {
     return;
   }
-  const std::string events = ReadText(folder + "/events.csv");
-  member->has_events = !events.empty();
-  if (member->has_events) ParseEvents(events, &member->events);
+  std::string none;
+  member->has_events = ReadFile(folder + "/events.csv", &text, &none);
+  if (member->has_events) ParseEvents(text, &member->events);
   member->complete = true;
-}
-
-double Quantile(const std::vector<double>& sorted, double part) {
-  const double at = part * static_cast<double>(sorted.size() - 1);
-  const std::size_t k = static_cast<std::size_t>(at);
-  if (k + 1 >= sorted.size()) return sorted.back();
-  return sorted[k] +
-         (at - static_cast<double>(k)) * (sorted[k + 1] - sorted[k]);
 }
 
 }  // namespace
 
-BandPoint MakeBand(std::vector<double> values) {
+BandPoint MakeBand(const std::vector<double>& values) {
   BandPoint point;
   if (values.empty()) return point;
-  std::sort(values.begin(), values.end());
-  const double n = static_cast<double>(values.size());
-  double sum = 0.0;
-  for (const double v : values) sum += v - values[0];
-  point.mean = values[0] + sum / n;
-  double squares = 0.0;
-  for (const double v : values) squares += (v - point.mean) * (v - point.mean);
-  if (values.size() > 1) {
-    point.standard_error = std::sqrt(squares / (n - 1.0) / n);
-  }
-  point.low = Quantile(values, 0.2);
-  point.high = Quantile(values, 0.8);
+  const MeanDeviation all = MeanAndDeviation(values);
+  const Quantiles part = QuantilesOf(values);
+  point.mean = all.mean;
+  point.standard_error = all.standard_error;
+  point.low = part.low;
+  point.high = part.high;
   return point;
 }
 

@@ -17,7 +17,7 @@ struct BandPoint {
   double standard_error = 0.0;   // 0 for one curve
   double low = 0.0, high = 0.0;  // 20 and 80 % quantiles
 };
-BandPoint MakeBand(std::vector<double> values);
+BandPoint MakeBand(const std::vector<double>& values);
 
 // increment,step,strain,curves, then mean, standard error, 20 % and 80 %
 // quantiles of stress_iso, stress_dev, fabric_iso, fabric_dev, conjugate and

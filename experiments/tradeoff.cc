@@ -32,6 +32,7 @@
 #include "experiments/tabular.h"
 #include "granular/jamming.h"
 #include "granular/linear_response.h"
+#include "granular/plastic_events.h"
 #include "solvers/registry.h"
 #include "solvers/sparse_cholesky.h"
 
@@ -68,7 +69,6 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kFinest = 1e-13;
 
 struct Observable {
   const char* name;
@@ -97,54 +97,33 @@ struct Measured {
   Packing packing;
 };
 
-Measured MeasurePacking(const Packing& packing, ContactEnergyOptions law) {
-  Measured m;
-  m.packing = packing;
-  law.precision = Precision::DOUBLE;
+Measured MeasurePacking(const Packing& packing,
+                        const ContactEnergyOptions& law) {
+  Relaxation as_it_is;
   std::string error;
-  const auto energy = ContactEnergy::Create(packing, law, &error);
-  if (energy == nullptr) BadInput(error);
-  const std::vector<double> zero(energy->NumParameters(), 0.0);
-  double value = 0.0;
-  Scales scales;
-  energy->EvaluateWithScales(zero.data(), &value, nullptr, &scales);
-  m.observables = Measure(packing, energy->Contacts(zero.data()), value);
-  const ElasticResponse response = ComputeElasticResponse(*energy, zero.data());
+  if (!MeasureAsItIs(packing, law, &as_it_is, &error)) BadInput(error);
+  Measured m;
+  m.packing = as_it_is.packing;
+  m.observables = as_it_is.observables;
+  const ElasticResponse response = ComputeElasticResponse(packing, law);
   if (response.found) m.shear_modulus = response.shear;
   return m;
 }
 
-// The largest distance of a rigid grain between two states of one cell, their
-// mean displacement taken out.
-double LargestMove(const Packing& a,
-                   const Packing& b,
-                   const std::vector<bool>& is_rattler) {
-  const int d = a.dimension();
-  Eigen::MatrixXd moves(d, a.size());
-  SmallVector mean = SmallVector::Zero(d);
-  int count = 0;
-  for (int i = 0; i < a.size(); ++i) {
-    SmallVector x(d);
-    for (int k = 0; k < d; ++k) {
-      const DoubleDouble p = a.Position(i, k), q = b.Position(i, k);
-      x[k] = (p.hi - q.hi) + (p.lo - q.lo);
-    }
-    SmallVector cells = a.box.inverse() * x;
-    for (int k = 0; k < d; ++k) cells[k] = std::round(cells[k]);
-    moves.col(i) = x - a.box.edges() * cells;
-    if (is_rattler[i]) continue;
-    mean += moves.col(i);
-    ++count;
-  }
-  if (count == 0) return 0.0;
-  mean /= count;
+// The largest distance of a rigid grain of `sharp` between the two, in mean
+// overlaps.
+double LargestMove(const Measured& m, const Measured& sharp) {
+  const Observables& o = sharp.observables;
+  if (!(o.mean_overlap > 0.0)) return 0.0;
+  std::vector<bool> counts = o.is_rattler;
+  counts.flip();
+  const Eigen::MatrixXd moves =
+      DisplacementBetween(sharp.packing, m.packing, counts);
   double largest = 0.0;
-  for (int i = 0; i < a.size(); ++i) {
-    if (!is_rattler[i]) {
-      largest = std::max(largest, (moves.col(i) - mean).norm());
-    }
+  for (int i = 0; i < sharp.packing.size(); ++i) {
+    if (counts[i]) largest = std::max(largest, moves.col(i).norm());
   }
-  return largest;
+  return largest / o.mean_overlap;
 }
 
 std::vector<double> Errors(const Measured& m, const Measured& sharp) {
@@ -154,16 +133,14 @@ std::vector<double> Errors(const Measured& m, const Measured& sharp) {
     return x == y ? 0.0 : std::abs(x - y) / std::abs(y);
   };
   const double g = relative(m.shear_modulus, sharp.shear_modulus);
-  return {
-      relative(a.energy, b.energy),
-      relative(a.pressure, b.pressure),
-      b.pressure > 0.0 ? std::abs(a.stress(0, 1) - b.stress(0, 1)) / b.pressure
-                       : 0.0,
-      std::isfinite(g) ? g : kInfinity,
-      std::abs(a.coordination - b.coordination),
-      b.mean_overlap > 0.0
-          ? LargestMove(m.packing, sharp.packing, b.is_rattler) / b.mean_overlap
-          : 0.0};
+  return {relative(a.energy, b.energy),
+          relative(a.pressure, b.pressure),
+          b.pressure > 0.0
+              ? std::abs(a.stress(0, 1) - b.stress(0, 1)) / b.pressure
+              : 0.0,
+          std::isfinite(g) ? g : kInfinity,
+          std::abs(a.coordination - b.coordination),
+          LargestMove(m, sharp)};
 }
 
 // One method and precision on one packing, at one tolerance.
@@ -181,11 +158,11 @@ struct Row {
 // Where a run ended, made sharp.
 struct End {
   double energy = 0.0;
-  std::vector<double> values;  // energy, p, sigma_12 / p, G, z
+  double pressure = 0.0;
 };
 
 struct Scenario {
-  std::string name, what;
+  std::string name;
   std::uint64_t seed = 0;
   Packing start;
 };
@@ -210,7 +187,6 @@ std::vector<Crossing> RunLevels(const Scenario& scenario,
                                 const Solver& solver,
                                 const std::vector<double>& levels,
                                 bool keep,
-                                double max_seconds,
                                 Packing* end) {
   std::vector<Crossing> crossings(levels.size());
   std::string error;
@@ -220,7 +196,7 @@ std::vector<Crossing> RunLevels(const Scenario& scenario,
   SolveOptions options = MakeSolveOptions();
   options.relative_tolerance = levels.back();
   options.max_evaluations = FLAGS_max_evaluations;
-  options.max_seconds = max_seconds;
+  options.max_seconds = FLAGS_max_seconds;
   std::size_t next = 0;
   double begin = 0.0, aside = 0.0;
   const auto note = [&](double max_gradient,
@@ -256,20 +232,30 @@ std::vector<Crossing> RunLevels(const Scenario& scenario,
   if (summary.reason == StopReason::VANISHED) {
     note(0.0, 1.0, summary.counters, u.data());
   }
-  if (end != nullptr) *end = energy->Configuration(u.data());
+  *end = energy->Configuration(u.data());
   return crossings;
 }
 
-Packing Sharpened(const Packing& packing, ContactEnergyOptions law) {
+// Residual of what counts as sharp, in mean forces.
+constexpr double kSharp = 1e-12;
+
+// The minimum that the end of a run is next to; false if Newton's method does
+// not get there in a few dozen iterations, as from where a run gave up.
+bool Sharpened(const Packing& packing,
+               ContactEnergyOptions law,
+               Packing* sharp) {
   law.precision = Precision::DOUBLE;
   std::string error;
   const std::unique_ptr<Solver> newton = CreateSolver("newton", &error);
   SolveOptions options = MakeSolveOptions();
+  // Of the order of the roundoff of forces.
   options.relative_tolerance = 1e-14;
-  options.max_evaluations = 2000;
+  options.max_evaluations = 200;
   Relaxation result;
   if (!Relax(packing, law, *newton, options, &result, &error)) BadInput(error);
-  return result.packing;
+  *sharp = result.packing;
+  return result.observables.relative_residual <= kSharp ||
+         result.summary.reason == StopReason::VANISHED;
 }
 
 struct Setting {
@@ -307,26 +293,19 @@ void RunScenario(const Scenario& scenario,
       options.precision = setting.precision;
       const bool first = repetition == 0;
       Packing end;
-      const std::vector<Crossing> crossings = RunLevels(scenario,
-                                                        options,
-                                                        *setting.solver,
-                                                        levels,
-                                                        first,
-                                                        FLAGS_max_seconds,
-                                                        &end);
+      const std::vector<Crossing> crossings =
+          RunLevels(scenario, options, *setting.solver, levels, first, &end);
       for (std::size_t k = 0; k < levels.size(); ++k) {
         seconds[s][k].push_back(crossings[k].reached ? crossings[k].seconds
                                                      : kInfinity);
       }
       if (!first) continue;
-      const Measured sharp = MeasurePacking(Sharpened(end, law), law);
-      const Observables& o = sharp.observables;
-      ends->push_back({o.energy,
-                       {o.energy,
-                        o.pressure,
-                        o.pressure > 0.0 ? o.stress(0, 1) / o.pressure : 0.0,
-                        sharp.shear_modulus,
-                        o.coordination}});
+      Packing sharp_packing;
+      const bool is_sharp = Sharpened(end, law, &sharp_packing);
+      const Measured sharp = MeasurePacking(sharp_packing, law);
+      if (is_sharp) {
+        ends->push_back({sharp.observables.energy, sharp.observables.pressure});
+      }
       for (std::size_t k = 0; k < levels.size(); ++k) {
         Row row;
         row.scene = scenario.name;
@@ -335,7 +314,7 @@ void RunScenario(const Scenario& scenario,
         row.spec = setting.method.spec;
         row.precision = PrecisionName(setting.precision);
         row.tolerance = levels[k];
-        row.reached = crossings[k].reached;
+        row.reached = crossings[k].reached && is_sharp;
         if (row.reached) {
           row.evaluations = crossings[k].counters.evaluations;
           row.factorizations = crossings[k].counters.factorizations;
@@ -603,7 +582,6 @@ int Main() {
   if (!FLAGS_input.empty()) {
     Scenario scenario;
     scenario.name = FLAGS_case.empty() ? "user" : FLAGS_case;
-    scenario.what = scene.origin;
     scenario.seed = FLAGS_seed;
     scenario.start = scene.packing;
     if (!cases.empty()) {
@@ -629,8 +607,6 @@ int Main() {
       for (int k = 0; k < 2; ++k) {
         Scenario scenario;
         scenario.name = names[k];
-        scenario.what = Format(
-            "phi_J + %g, sheared by %g", distances[k], 0.03 * distances[k]);
         scenario.seed = seed;
         scenario.start = states[k];
         scenario.start.Deform(
@@ -715,8 +691,8 @@ int Main() {
       for (const End& end : of_packing) {
         low = std::min(low, end.energy);
         high = std::max(high, end.energy);
-        p_low = std::min(p_low, end.values[1]);
-        p_high = std::max(p_high, end.values[1]);
+        p_low = std::min(p_low, end.pressure);
+        p_high = std::max(p_high, end.pressure);
       }
       if (high - low > 1e-9 * high) {
         ++several;

@@ -271,8 +271,7 @@ class Search {
       UpdateDistance(slope, /*secant=*/true);
       // After a step that was too long, towards there again by doubling: the
       // part of the branch that it fell off may be behind.
-      s_.fraction =
-          s_.failures == 0 ? 0.9 : std::min(0.9, 2.0 * s_.fraction);
+      s_.fraction = s_.failures == 0 ? 0.9 : std::min(0.9, 2.0 * s_.fraction);
     } else if (Follow()) {
       // It rearranged upwards: another branch, whose slope is not known yet.
       s_.fraction = 0.5;
@@ -306,11 +305,8 @@ bool Measured(const JammingState& state,
               const ContactEnergyOptions& options,
               Relaxation* result,
               std::string* error) {
-  const std::unique_ptr<ContactEnergy> energy =
-      ContactEnergy::Create(state.jammed, options, error);
-  if (energy == nullptr) return false;
-  const std::vector<double> u(energy->NumParameters(), 0.0);
-  *result = Conclude(state.summary, u.data(), energy.get());
+  if (!MeasureAsItIs(state.jammed, options, result, error)) return false;
+  result->summary = state.summary;
   return true;
 }
 

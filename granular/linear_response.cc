@@ -6,7 +6,7 @@
 
 #include "Eigen/Eigenvalues"
 #include "granular/force_network.h"
-#include "granular/observables.h"
+#include "granular/relaxation.h"
 #include "solvers/format.h"
 #include "solvers/sparse_cholesky.h"
 
@@ -89,8 +89,8 @@ MatrixXd ElasticResponse::Voigt() const {
   return voigt;
 }
 
-ElasticResponse ComputeElasticResponse(const ContactEnergy& original,
-                                       const double* u,
+ElasticResponse ComputeElasticResponse(const Packing& packing,
+                                       const ContactEnergyOptions& options,
                                        bool prestress) {
   ElasticResponse r;
   const auto fail = [&r](const std::string& message) {
@@ -98,19 +98,12 @@ ElasticResponse ComputeElasticResponse(const ContactEnergy& original,
     r.message = message;
     return r;
   };
-  const Packing packing = original.Configuration(u);
   const int d = r.dimension = packing.dimension();
-  ContactEnergyOptions law = original.options();
-  law.precision = Precision::DOUBLE;
+  Relaxation as_it_is;
   std::string error;
-  const auto energy = ContactEnergy::Create(packing, law, &error);
-  if (energy == nullptr) return fail(error);
-  const std::vector<double> zero(energy->NumParameters(), 0.0);
-  const std::vector<Contact> contacts = energy->Contacts(zero.data());
-  // The energy itself is not asked for here.
-  const Observables observables = Measure(packing, contacts, 0.0);
-  const ForceNetwork network =
-      MakeForceNetwork(d, law.alpha, observables, contacts);
+  if (!MeasureAsItIs(packing, options, &as_it_is, &error)) return fail(error);
+  const ForceNetwork network = MakeForceNetwork(
+      d, options.alpha, as_it_is.observables, as_it_is.contacts);
   if (network.links.empty()) return fail("no two rigid grains touch");
   const std::vector<int> pieces = Pieces(network);
   if (pieces.size() > 1) {

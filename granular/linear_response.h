@@ -75,19 +75,18 @@ struct ElasticResponse {
   Eigen::VectorXd shear_principal;
 };
 
-// The response of the packing of `energy` at displacement u, which is a
-// minimum: to what extent is up to the caller (stability.h). Energies in units
-// of 2^a, lengths in units of 2^b give bitwise the scaled result (as far as the
-// contact law does).
+// The response of a packing at a minimum of its energy: to what extent it is at
+// one is up to the caller (stability.h). Energies in units of 2^a, lengths in
+// units of 2^b give bitwise the scaled result (as far as the contact law does).
+//
+// Without `prestress` the second term of (9), which forces of contacts make, is
+// left out: b = 0. That is the answer of a network of unstretched springs.
 //
 // Source: Maloney, Lemaitre, Phys. Rev. E 74 (2006) 016118, sec. II; the
 // distinction of A and C under stress: Barron, Klein, Proc. Phys. Soc. 85
 // (1965) 523.
-//
-// Without `prestress` the second term of (9), which forces of contacts make, is
-// left out: b = 0. That is the answer of a network of unstretched springs.
-ElasticResponse ComputeElasticResponse(const ContactEnergy& energy,
-                                       const double* u,
+ElasticResponse ComputeElasticResponse(const Packing& packing,
+                                       const ContactEnergyOptions& options,
                                        bool prestress = true);
 
 }  // namespace granopt

@@ -224,11 +224,8 @@ bool ShearQuasistatically(
     std::string* error) {
   if (!CheckOptions(options, error)) return false;
   if (!start.IsValid(error)) return false;
-  const std::unique_ptr<ContactEnergy> energy =
-      ContactEnergy::Create(start, options.energy, error);
-  if (energy == nullptr) return false;
-  const std::vector<double> zero(energy->NumParameters(), 0.0);
-  Relaxation first = Conclude(Summary(), zero.data(), energy.get());
+  Relaxation first;
+  if (!MeasureAsItIs(start, options.energy, &first, error)) return false;
   QuasistaticShearState state;
   state.packing = first.packing;
   state.energy = first.observables.energy;

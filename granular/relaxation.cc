@@ -157,4 +157,18 @@ Relaxation Conclude(Summary summary, const double* u, ContactEnergy* energy) {
   return relaxation;
 }
 
+bool MeasureAsItIs(const Packing& packing,
+                   const ContactEnergyOptions& energy_options,
+                   Relaxation* result,
+                   std::string* error) {
+  ContactEnergyOptions options = energy_options;
+  options.precision = Precision::DOUBLE;
+  const std::unique_ptr<ContactEnergy> energy =
+      ContactEnergy::Create(packing, options, error);
+  if (energy == nullptr) return false;
+  const std::vector<double> zero(energy->NumParameters(), 0.0);
+  *result = Conclude(Summary(), zero.data(), energy.get());
+  return true;
+}
+
 }  // namespace granopt

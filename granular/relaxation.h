@@ -65,6 +65,13 @@ bool RelaxInLegs(const ContactEnergyOptions& energy_options,
 // precision gets the residual in double, and NO_PROGRESS if that is too large.
 Relaxation Conclude(Summary summary, const double* u, ContactEnergy* energy);
 
+// What Conclude() measures, of a packing that nothing has minimized. Returns
+// false with one line in `error` where ContactEnergy::Create() does.
+bool MeasureAsItIs(const Packing& packing,
+                   const ContactEnergyOptions& energy_options,
+                   Relaxation* result,
+                   std::string* error);
+
 }  // namespace granopt
 
 #endif  // GRANOPT_GRANULAR_RELAXATION_H_

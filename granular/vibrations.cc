@@ -5,7 +5,7 @@
 
 #include "Eigen/Eigenvalues"
 #include "granular/force_network.h"
-#include "granular/observables.h"
+#include "granular/relaxation.h"
 #include "solvers/lowest_modes.h"
 
 namespace granopt {
@@ -47,20 +47,15 @@ MatrixXd Dense(const SparseMatrix& lower, int d) {
 
 }  // namespace
 
-Vibrations ComputeVibrations(const ContactEnergy& original,
-                             const double* u,
+Vibrations ComputeVibrations(const Packing& packing,
+                             const ContactEnergyOptions& law,
                              const VibrationOptions& options) {
   Vibrations result;
-  const Packing packing = original.Configuration(u);
   const int d = packing.dimension();
-  ContactEnergyOptions law = original.options();
-  law.precision = Precision::DOUBLE;
-  const auto energy = ContactEnergy::Create(packing, law, &result.message);
-  if (energy == nullptr) return result;
-  const std::vector<double> zero(energy->NumParameters(), 0.0);
-  const std::vector<Contact> contacts = energy->Contacts(zero.data());
+  Relaxation as_it_is;
+  if (!MeasureAsItIs(packing, law, &as_it_is, &result.message)) return result;
   const ForceNetwork network =
-      MakeForceNetwork(d, law.alpha, Measure(packing, contacts, 0.0), contacts);
+      MakeForceNetwork(d, law.alpha, as_it_is.observables, as_it_is.contacts);
   if (network.links.empty()) {
     result.message = "no two rigid grains touch";
     return result;

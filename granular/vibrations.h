@@ -36,13 +36,13 @@ struct Vibrations {
   std::vector<Vibration> modes;  // in increasing order, without translations
 };
 
-// The modes of the packing of `energy` at displacement u. Frequencies are in
+// The modes of a packing at a minimum of its energy. Frequencies are in
 // units of sqrt(kappa / m), in which their distribution does not depend on the
 // distance from jamming but for its lower end.
 //
 // Deviations: usual plots for alpha = 2 have sqrt(k / m), which is the same.
-Vibrations ComputeVibrations(const ContactEnergy& energy,
-                             const double* u,
+Vibrations ComputeVibrations(const Packing& packing,
+                             const ContactEnergyOptions& law,
                              const VibrationOptions& options);
 
 // The density of the frequencies of complete spectra: `counts[b]` of those in

@@ -1,4 +1,4 @@
-// granopt: threads for long vectors and many grains.
+// granopt: threads for long vectors and sums of many terms.
 
 #ifndef GRANOPT_SOLVERS_THREADS_H_
 #define GRANOPT_SOLVERS_THREADS_H_

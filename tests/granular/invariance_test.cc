@@ -214,6 +214,18 @@ TEST_P(InvarianceTest, HarmonicIsExactInFarUnits) {
   ExpectSameInOtherUnits(GetParam(), kLoads[1], 2.0, {{151, 0}, {-90, 61}});
 }
 
+// k near 1e150 and 1e-150, where the square of a gradient is infinite or zero.
+TEST(Invariance, NcgIsExactWhereSquaresOfGradientsAreNoNumbers) {
+  for (const char* spec : {"ncg:beta=fr",
+                           "ncg:beta=pr",
+                           "ncg:beta=hs",
+                           "ncg:beta=hz",
+                           "ncg:beta=hz,preconditioner=contact"}) {
+    SCOPED_TRACE(spec);
+    ExpectSameInOtherUnits(spec, kLoads[1], 2.0, {{498, 0}, {-498, 0}});
+  }
+}
+
 // delta^(5/2) by square roots: lengths times 4.
 TEST_P(InvarianceTest, HertzIsExactInUnitsOfEvenPowers) {
   for (const Load& load : kLoads) {

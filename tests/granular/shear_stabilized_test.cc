@@ -14,9 +14,7 @@ namespace granopt {
 namespace {
 
 ElasticResponse ResponseOf(const Packing& packing) {
-  const auto energy = MakeEnergy(packing, 2.0);
-  const std::vector<double> zero(energy->NumParameters(), 0.0);
-  return ComputeElasticResponse(*energy, zero.data());
+  return ComputeElasticResponse(packing, ContactEnergyOptions());
 }
 
 // Compressed in steps towards zero pressure, with every strain of the cell or

@@ -27,11 +27,6 @@ TEST(Vibrations, OfATriangularLatticeAreItsPhonons) {
         edges * Eigen::Vector2d(i / kSide, i % kSide) / kSide;
   }
   packing.radii.setConstant(kSide * kSide, 0.5);
-  std::string error;
-  const auto energy =
-      ContactEnergy::Create(packing, ContactEnergyOptions(), &error);
-  ASSERT_NE(energy, nullptr) << error;
-  const std::vector<double> zero(energy->NumParameters(), 0.0);
 
   std::vector<double> expected;
   const double tension = 0.03 / spacing;
@@ -59,7 +54,7 @@ TEST(Vibrations, OfATriangularLatticeAreItsPhonons) {
   std::sort(expected.begin(), expected.end());
 
   const Vibrations all =
-      ComputeVibrations(*energy, zero.data(), VibrationOptions());
+      ComputeVibrations(packing, ContactEnergyOptions(), VibrationOptions());
   ASSERT_TRUE(all.found) << all.message;
   EXPECT_TRUE(all.complete);
   EXPECT_NEAR(all.stiffness, 1.0, 1e-12);
@@ -82,7 +77,8 @@ TEST(Vibrations, OfATriangularLatticeAreItsPhonons) {
   VibrationOptions sparse;
   sparse.most_dense = 0;
   sparse.lowest = 7;
-  const Vibrations few = ComputeVibrations(*energy, zero.data(), sparse);
+  const Vibrations few =
+      ComputeVibrations(packing, ContactEnergyOptions(), sparse);
   ASSERT_TRUE(few.found) << few.message;
   EXPECT_FALSE(few.complete);
   ASSERT_EQ(few.modes.size(), 7u);
@@ -97,17 +93,14 @@ TEST(Vibrations, OfAJammedPackingBeginWithTheCertificatesMode) {
   ASSERT_TRUE(ReadPacking(
       std::string(GRANOPT_TEST_DATA) + "/n64_jammed.xyz", &packing, &error))
       << error;
-  const auto energy =
-      ContactEnergy::Create(packing, ContactEnergyOptions(), &error);
-  ASSERT_NE(energy, nullptr) << error;
-  const std::vector<double> zero(energy->NumParameters(), 0.0);
   const Vibrations all =
-      ComputeVibrations(*energy, zero.data(), VibrationOptions());
+      ComputeVibrations(packing, ContactEnergyOptions(), VibrationOptions());
   ASSERT_TRUE(all.found) << all.message;
   VibrationOptions sparse;
   sparse.most_dense = 0;
   sparse.lowest = 3;
-  const Vibrations few = ComputeVibrations(*energy, zero.data(), sparse);
+  const Vibrations few =
+      ComputeVibrations(packing, ContactEnergyOptions(), sparse);
   ASSERT_TRUE(few.found) << few.message;
   for (int k = 0; k < 3; ++k) {
     EXPECT_NEAR(few.modes[k].frequency,

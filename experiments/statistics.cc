@@ -1,0 +1,58 @@
+#include "experiments/statistics.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace granopt {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+double QuantileOfSorted(const std::vector<double>& values, double part) {
+  if (values.empty()) return kNan;
+  const double place = part * static_cast<double>(values.size() - 1);
+  const std::size_t below = static_cast<std::size_t>(place);
+  const double weight = place - static_cast<double>(below);
+  if (weight < 1e-9) return values[below];
+  if (std::isinf(values[below + 1])) return values[below + 1];
+  return values[below] + weight * (values[below + 1] - values[below]);
+}
+
+}  // namespace
+
+double QuantileOf(std::vector<double> values, double part) {
+  std::sort(values.begin(), values.end());
+  return QuantileOfSorted(values, part);
+}
+
+double MedianOf(std::vector<double> values) {
+  return QuantileOf(std::move(values), 0.5);
+}
+
+Quantiles QuantilesOf(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return {QuantileOfSorted(values, 0.2),
+          QuantileOfSorted(values, 0.5),
+          QuantileOfSorted(values, 0.8)};
+}
+
+MeanDeviation MeanAndDeviation(const std::vector<double>& values) {
+  if (values.empty()) return {kNan, kNan, kNan};
+  const double n = static_cast<double>(values.size());
+  double sum = 0.0;
+  for (const double value : values) sum += value - values[0];
+  MeanDeviation result;
+  result.mean = values[0] + sum / n;
+  if (values.size() < 2) return result;
+  double squares = 0.0;
+  for (const double value : values) {
+    squares += (value - result.mean) * (value - result.mean);
+  }
+  result.deviation = std::sqrt(squares / (n - 1.0));
+  result.standard_error = result.deviation / std::sqrt(n);
+  return result;
+}
+
+}  // namespace granopt

@@ -1,0 +1,33 @@
+// granopt: a few numbers for many.
+
+#ifndef GRANOPT_EXPERIMENTS_STATISTICS_H_
+#define GRANOPT_EXPERIMENTS_STATISTICS_H_
+
+#include <vector>
+
+namespace granopt {
+
+// Of values that may be infinite (a run that never got there): linear between
+// neighbours, NaN without values. `part` in [0, 1].
+double QuantileOf(std::vector<double> values, double part);
+double MedianOf(std::vector<double> values);
+
+struct Quantiles {
+  double low = 0.0;     // 20 %
+  double median = 0.0;  // 50 %
+  double high = 0.0;    // 80 %
+};
+Quantiles QuantilesOf(std::vector<double> values);
+
+// Of n finite values, with n - 1; NaN without values, no deviation of one. Sums
+// are of differences from the first: values may be alike in many digits.
+struct MeanDeviation {
+  double mean = 0.0;
+  double deviation = 0.0;
+  double standard_error = 0.0;  // deviation / sqrt(n)
+};
+MeanDeviation MeanAndDeviation(const std::vector<double>& values);
+
+}  // namespace granopt
+
+#endif  // GRANOPT_EXPERIMENTS_STATISTICS_H_
