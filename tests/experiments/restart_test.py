@@ -67,18 +67,48 @@ def Damage(path, how):
     file.write(text)
 
 
+def Interrupt(command, out, generator, how):
+  """Runs command, which checkpoints in out, and sends it the signal how.
+
+  One run in four is interrupted whatever it does, within .3 s of its start; the
+  others at a random moment after their next checkpoint. So however slow the machine
+  is each of them gets further than the one before, and the test ends.
+  Returns the exit status, what was printed, and whether the signal was sent.
+  """
+  path = os.path.join(out, "checkpoint.cbor")
+
+  def Version():
+    try:
+      found = os.stat(path)
+      return found.st_ino, found.st_mtime_ns
+    except FileNotFoundError:
+      return None
+
+  before = Version()
+  process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+  if generator.random() < 0.25:
+    time.sleep(generator.uniform(0.0, 0.3))
+  else:
+    checkpoints = generator.randint(1, 4)
+    while checkpoints and process.poll() is None:
+      now = Version()
+      if now != before:
+        before = now
+        checkpoints -= 1
+      time.sleep(0.001)
+    time.sleep(generator.uniform(0.0, 0.03))
+  sent = process.poll() is None
+  process.send_signal(how)
+  text, _ = process.communicate()
+  return process.returncode, text, sent
+
+
 def RelaxIsTheSame(folder, generator):
   """A relaxation in legs, killed or asked to stop at random moments."""
   command = [os.path.join(sys.argv[1], "relax"), "--particles=512", "--seed=5",
              "--solver=lbfgs", "--tolerance=1e-9", "--leg=300", "--nopictures",
              "--nocertify"]
   names = ("packing.xyz", "contacts.csv", "trace.csv")
-
-  def Go(out, *more):
-    start = time.time()
-    process = subprocess.Popen(command + [f"--out={folder}/{out}", *more],
-                               stdout=subprocess.PIPE, text=True)
-    return process, start
 
   def Files(out):
     files = {}
@@ -88,32 +118,28 @@ def RelaxIsTheSame(folder, generator):
                        for line in file]
     return files
 
-  process, start = Go("relax")
-  text, _ = process.communicate()
-  duration = time.time() - start
-  assert process.returncode == 0 and "leg " in text, text
+  done = subprocess.run(command + [f"--out={folder}/relax"],
+                        capture_output=True, text=True)
+  assert done.returncode == 0 and "leg " in done.stdout, done.stdout
   expected = Files("relax")
   resumed = 0
-  for number in range(10):
+  for number in range(8):
     out = f"relax_{number}"
     more = []
     while True:
-      process, _ = Go(out, *more)
-      try:
-        text, _ = process.communicate(timeout=generator.uniform(0, duration))
-      except subprocess.TimeoutExpired:
-        how = generator.choice((signal.SIGKILL, signal.SIGINT))
-        process.send_signal(how)
-        text, _ = process.communicate()
+      how = generator.choice((signal.SIGKILL, signal.SIGINT))
+      status, text, _ = Interrupt(command + [f"--out={folder}/{out}", *more],
+                                  f"{folder}/{out}", generator, how)
       resumed += "resumed after evaluation" in text
-      if process.returncode == 0:
+      if status == 0:
         break
-      assert process.returncode in (1, -signal.SIGINT, -signal.SIGKILL), text
-      assert process.returncode != 1 or "stopped as asked" in text, text
+      assert status in (1, -how), text
+      assert status != 1 or "stopped as asked" in text, text
       if os.path.exists(f"{folder}/{out}/checkpoint.cbor"):
         CheckCheckpoint(f"{folder}/{out}/checkpoint.cbor")
       more = ["--resume"]
     assert Files(out) == expected, out
+  assert resumed > 0
   done = subprocess.run(
       command + [f"--out={folder}/relax", "--resume", "--alpha=2.5"],
       capture_output=True, text=True)
@@ -130,23 +156,14 @@ def main():
   while killed < kills:
     seed += 1
     whole, broken = (f"{folder}/{name}_{seed}" for name in ("whole", "broken"))
-    start = time.time()
     assert Run(seed, whole)[0] == 0
-    duration = time.time() - start
     last = 0
     more = []
     while True:
-      process = subprocess.Popen(Command(seed, broken, *more),
-                                 stdout=subprocess.PIPE, text=True)
-      # Also on what starting and ending do.
-      wait = generator.uniform(0.0, max(0.4, 0.8 * duration))
-      try:
-        out, _ = process.communicate(timeout=wait)
-        assert process.returncode == 0, out
-      except subprocess.TimeoutExpired:
-        process.send_signal(signal.SIGKILL)
-        out, _ = process.communicate()
-        killed += 1
+      status, out, sent = Interrupt(Command(seed, broken, *more), broken,
+                                    generator, signal.SIGKILL)
+      killed += sent
+      assert status in (0, -signal.SIGKILL), out
       found = re.search(r"resumed after relaxation (\d+)", out)
       if found:
         resumed += 1
@@ -158,56 +175,60 @@ def main():
         more = ["--resume"]
       else:
         assert last == 0
-      if process.returncode == 0:
+      if status == 0:
         break
     assert Results(broken) == Results(whole), f"seed {seed}"
     left = [name for name in os.listdir(broken) if name.endswith(".tmp")]
     assert not left, left
+  assert resumed > kills // 2
   print(f"{killed} kills, {resumed} runs that went on, {seed} packings, "
         f"{time.time() - began:.0f} s: every result has the same bytes")
 
   # Asked to stop, it ends its step and says how to go on.
   whole, broken = f"{folder}/whole_1", f"{folder}/stopped"
-  start = time.time()
   assert Run(1, whole)[0] == 0
-  duration = time.time() - start
   stops = 0
   more = []
   while True:
-    process = subprocess.Popen(Command(1, broken, *more),
-                               stdout=subprocess.PIPE, text=True)
-    time.sleep(generator.uniform(0.0, 0.5 * duration))
-    process.send_signal(signal.SIGINT)
-    out, _ = process.communicate()
-    if process.returncode == 0:
-      if stops:
+    status, out, _ = Interrupt(Command(1, broken, *more), broken, generator,
+                               signal.SIGINT)
+    if status == 0:
+      if stops >= 5:
         break
       more = []  # done before it was asked: once more
-    elif process.returncode == 1:
+    elif status == 1:
       stops += 1
       assert "stopped as asked, after relaxation" in out, out
       assert not os.path.exists(broken + "/summary.json")
       more = ["--resume"]
     else:  # before it listened
-      assert process.returncode == -signal.SIGINT, process.returncode
+      assert status == -signal.SIGINT, status
   assert Results(broken) == Results(whole)
   print(f"{stops} stops by SIGINT: the same bytes")
 
-  # Damaged files are named, and the older one is used. A packing large enough that
-  # a busy machine stops it before it is done.
+  # Damaged files are named, and the older one is used. A packing large enough not
+  # to be done before it is stopped.
   slow = "--particles=400"
   whole = f"{folder}/whole_slow"
   assert Run(1, whole, slow)[0] == 0
   for how in ("cut short", "damaged"):
     out = f"{folder}/faulty_{len(how)}"
     newest, older = out + "/checkpoint.cbor", out + "/checkpoint.cbor.previous"
+
     # For a moment of each writing both names are those of one file.
-    while not os.path.exists(older) or os.path.samefile(newest, older):
+    def TwoCheckpoints():
+      try:
+        return not os.path.samefile(newest, older)
+      except FileNotFoundError:
+        return False
+
+    while not TwoCheckpoints():
+      shutil.rmtree(out, ignore_errors=True)
       process = subprocess.Popen(Command(1, out, slow), stdout=subprocess.PIPE,
                                  text=True)
-      while process.poll() is None and not os.path.exists(older):
-        time.sleep(0.01)
-      time.sleep(0.05)
+      while process.poll() is None and not TwoCheckpoints():
+        time.sleep(0.001)
+      assert process.poll() is None, "done before it was interrupted"
       process.send_signal(signal.SIGKILL)
       process.communicate()
     Damage(out + "/checkpoint.cbor", how)
