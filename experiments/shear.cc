@@ -140,9 +140,16 @@ std::vector<double> CheckFlags(DeformationMode mode) {
   }
   if (FLAGS_mode == "wall" || FLAGS_dynamics) {
     const std::string which = FLAGS_dynamics ? "--dynamics" : "--mode=wall";
-    for (const char* flag : {"events", "pressure", "resume", "paper"}) {
+    for (const char* flag :
+         {"events", "event_threshold", "pressure", "resume", "paper"}) {
       if (IsGiven(flag)) {
         BadInput(std::string("--") + flag + " cannot go with " + which);
+      }
+    }
+    for (const char* flag : {"mode", "cycles"}) {
+      if (FLAGS_dynamics && IsGiven(flag)) {
+        BadInput(std::string("--") + flag +
+                 " cannot go with --dynamics, which is pure shear");
       }
     }
   }
@@ -155,8 +162,10 @@ std::vector<double> CheckFlags(DeformationMode mode) {
     BadInput("--increments: " + error);
   }
   for (const double increment : increments) {
+    // Of the whole path.
+    const double turns = std::max(1, 2 * FLAGS_cycles);
     const double steps = std::abs(FLAGS_strain) / increment;
-    if (!(steps >= 1.0 - 1e-9) || steps > kMostSteps ||
+    if (!(steps >= 1.0 - 1e-9) || turns * steps > kMostSteps ||
         std::abs(steps - std::round(steps)) > 1e-6 * steps) {
       BadInput(
           Format("--increments: %g does not divide --strain=%g into at "
@@ -405,12 +414,17 @@ int Main() {
                 start.packing, stress, *scene.solver, &result, &error)) {
           BadInput(error);
         }
+        ++run.relaxations;
         result.relaxation.summary.counters = result.counters;
+        result.relaxation.summary.counters += start.summary.counters;
+        result.relaxation.summary.seconds =
+            result.seconds + start.summary.seconds;
         start = std::move(result.relaxation);
         run.gave_up = result.converged ? 0 : 1;
       }
       run.start = start.packing;
       run.evaluations = start.summary.counters.evaluations;
+      run.factorizations = start.summary.counters.factorizations;
       run.seconds = start.summary.seconds;
     }
     for (; run.curve < static_cast<int>(increments.size()) && !stopped;
@@ -455,6 +469,11 @@ int Main() {
             BadInput(error);
           }
         }
+        // Not after the very last one, which a resumed run does again: that is
+        // where its results come from.
+        const bool is_end =
+            is_finest && step.step == static_cast<int>(options.path.size());
+        if (is_end) return true;
         std::string fault;
         if (!checkpoint.Write(ToJson(run), &fault)) BadInput(fault);
         return !StopRequested();
@@ -482,16 +501,8 @@ int Main() {
         run.state.strain);
     return kNotConverged;
   }
-  // A run that was complete has nothing in `last`; measure it again.
-  if (last.packing.size() == 0) {
-    if (!MeasureAsItIs(run.state.packing, scene.energy, &last, &error)) {
-      BadInput(error);
-    }
-  }
 
-  const std::vector<Agreement> agreement = FLAGS_cycles == 0
-                                               ? CompareIncrements(run.rows)
-                                               : std::vector<Agreement>();
+  const std::vector<Agreement> agreement = CompareIncrements(run.rows);
   Json json;
   json["converged"] = run.gave_up == 0;
   json["mode"] = FLAGS_mode;

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <sstream>
 
+#include "experiments/tabular.h"
 namespace granopt {
 namespace {
 
@@ -89,52 +90,34 @@ bool ParseCurves(const std::string& csv,
                  std::vector<StrainRow>* rows,
                  std::string* error) {
   rows->clear();
-  std::stringstream lines(csv);
-  std::string line;
-  if (!std::getline(lines, line) || line != kHeader) {
-    *error = "curves.csv:1: not the columns of curves";
-    return false;
-  }
-  for (int number = 2; std::getline(lines, line); ++number) {
-    std::vector<double> v;
-    std::stringstream fields(line);
-    for (std::string field; std::getline(fields, field, ',');) {
-      char* end = nullptr;
-      v.push_back(std::strtod(field.c_str(), &end));
-      if (field.empty() || *end != '\0') v.clear();
-    }
-    if (v.size() != 21) {
-      *error = Format("curves.csv:%d: not 21 numbers", number);
-      return false;
-    }
+  CsvReader reader(csv, "curves.csv");
+  if (!reader.Begin(error)) return false;
+  while (reader.Row()) {
     StrainRow r;
-    int k = 0;
-    r.increment = v[k++];
-    r.step = static_cast<int>(v[k++]);
-    for (double* to : {&r.strain,
-                       &r.energy,
-                       &r.work,
-                       &r.dissipated,
-                       &r.stress_iso,
-                       &r.stress_dev,
-                       &r.fabric_iso,
-                       &r.fabric_dev,
-                       &r.conjugate,
-                       &r.pressure,
-                       &r.shear_stress,
-                       &r.phi,
-                       &r.coordination}) {
-      *to = v[k++];
-    }
-    r.contacts = static_cast<int>(v[k++]);
-    r.rattlers = static_cast<int>(v[k++]);
-    r.iterations = static_cast<std::int64_t>(v[k++]);
-    r.evaluations = static_cast<std::int64_t>(v[k++]);
-    r.residual = v[k++];
-    r.converged = static_cast<int>(v[k++]);
+    reader.Read("increment", &r.increment);
+    reader.Read("step", &r.step);
+    reader.Read("strain", &r.strain);
+    reader.Read("energy", &r.energy);
+    reader.Read("work", &r.work);
+    reader.Read("dissipated", &r.dissipated);
+    reader.Read("stress_iso", &r.stress_iso);
+    reader.Read("stress_dev", &r.stress_dev);
+    reader.Read("fabric_iso", &r.fabric_iso);
+    reader.Read("fabric_dev", &r.fabric_dev);
+    reader.Read("conjugate", &r.conjugate);
+    reader.Read("pressure", &r.pressure);
+    reader.Read("shear_stress", &r.shear_stress);
+    reader.Read("phi", &r.phi);
+    reader.Read("coordination", &r.coordination);
+    reader.Read("contacts", &r.contacts);
+    reader.Read("rattlers", &r.rattlers);
+    reader.Read("iterations", &r.iterations);
+    reader.Read("evaluations", &r.evaluations);
+    reader.Read("residual", &r.residual);
+    reader.Read("converged", &r.converged);
     rows->push_back(r);
   }
-  return true;
+  return reader.error().empty() || Fail(reader.error(), error);
 }
 
 std::vector<Agreement> CompareIncrements(const std::vector<StrainRow>& rows) {
@@ -142,6 +125,14 @@ std::vector<Agreement> CompareIncrements(const std::vector<StrainRow>& rows) {
   std::vector<Agreement> all;
   if (curves.size() < 2) return all;
   const std::vector<StrainRow>& finest = curves.back();
+  // On a path that turns a strain does not say which state is meant.
+  for (std::size_t k = 2; k < finest.size(); ++k) {
+    if ((finest[k].strain - finest[k - 1].strain) *
+            (finest[k - 1].strain - finest[k - 2].strain) <
+        0.0) {
+      return all;
+    }
+  }
   double most = 0.0, most_fabric = 0.0;
   for (const StrainRow& row : finest) {
     most = std::max(most, row.stress_dev);

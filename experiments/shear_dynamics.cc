@@ -79,6 +79,7 @@ int RunDynamics(const std::vector<std::uint64_t>& seeds,
   std::map<Key, Group> groups;
   std::vector<Key> order;
   bool all = true;
+  std::size_t done = 0;
   std::string error;
   Progress progress;
   for (const std::uint64_t seed : seeds) {
@@ -148,12 +149,16 @@ int RunDynamics(const std::vector<std::uint64_t>& seeds,
         note(Format("motion c=%g", damping), damping, motion);
       }
     }
+    ++done;
   }
+  const bool interrupted = done < seeds.size();
+  all = all && !interrupted;
   progress.Clear();
 
   Json json;
   json["converged"] = all;
-  json["packings"] = seeds.size();
+  json["packings"] = done;
+  json["interrupted"] = interrupted;
   json["phi"] = phi;
   json["solver"] = solver->name();
   json["groups"] = Json::array();
@@ -195,6 +200,10 @@ int RunDynamics(const std::vector<std::uint64_t>& seeds,
   output.Plot(
       {"dynamics", output.Path("dynamics.csv"), output.Path("dynamics")},
       {"dynamics.svg", "dynamics.png"});
+  if (interrupted) {
+    std::printf(
+        "\nstopped as asked, after %zu of %zu packings\n", done, seeds.size());
+  }
   output.PrintFiles();
   return all ? kConverged : kNotConverged;
 }

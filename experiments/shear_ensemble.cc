@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
 
 #include "experiments/children.h"
 #include "experiments/scene.h"
@@ -17,6 +18,10 @@ DECLARE_double(pressure);
 namespace granopt {
 namespace {
 
+// What the search for events of every packing counts (its summary's "events").
+constexpr const char* kSearchCounts[] = {
+    "found", "steps_searched", "steps_without", "reversible_branches"};
+
 struct ShearMember {
   std::uint64_t seed = 0;
   bool complete = false, converged = false;
@@ -24,6 +29,7 @@ struct ShearMember {
   std::vector<StrainRow> rows;
   std::vector<EventRow> events;
   bool has_events = false;
+  Json search, start;  // of its summary
 };
 
 std::string NameOf(const ShearMember& member) {
@@ -46,7 +52,12 @@ void ReadMember(const std::string& folder,
   }
   std::string none;
   member->has_events = ReadFile(folder + "/events.csv", &text, &none);
-  if (member->has_events) ParseEvents(text, &member->events);
+  if (member->has_events &&
+      !ParseEvents(text, &member->events, &member->failure)) {
+    return;
+  }
+  if (member->has_events) member->search = summary.value("events", Json());
+  member->start = summary.value("start", Json());
   member->complete = true;
 }
 
@@ -163,7 +174,11 @@ int RunShearEnsemble(const Ensemble& ensemble, bool has_particles) {
   json["interrupted"] = interrupted;
   json["failures"] = Json::array();
   std::vector<Agreement> mean_agreement;
-  int counted = 0;
+  int counted = 0, compared = 0;
+  // Sums of what the searches say, and of the starts.
+  std::map<std::string, int> search;
+  std::map<int, int> excess;
+  int held_by_cell = 0, starts = 0;
   for (ShearMember& member : members) {
     all = all && member.complete && member.converged;
     if (!member.complete) {
@@ -173,6 +188,7 @@ int RunShearEnsemble(const Ensemble& ensemble, bool has_particles) {
     }
     curves.push_back(member.rows);
     const std::vector<Agreement> agreement = CompareIncrements(member.rows);
+    compared += agreement.empty() ? 0 : 1;
     if (mean_agreement.empty()) mean_agreement.resize(agreement.size());
     for (std::size_t k = 0; k < agreement.size(); ++k) {
       Agreement& sum = mean_agreement[k];
@@ -185,6 +201,18 @@ int RunShearEnsemble(const Ensemble& ensemble, bool has_particles) {
       sum.all_fabric += agreement[k].all_fabric;
     }
     ++counted;
+    for (const char* key : kSearchCounts) {
+      search[key] +=
+          member.search.is_object() ? member.search.value(key, 0) : 0;
+    }
+    if (member.start.is_object() &&
+        member.start.contains("least_shear_modulus")) {
+      ++starts;
+      ++excess[member.start.at("rigid_contacts").get<int>() -
+               member.start.at("isostatic_contacts").get<int>()];
+      held_by_cell +=
+          member.start.at("least_shear_modulus").get<double>() < 0.0 ? 1 : 0;
+    }
     has_events = has_events || member.has_events;
     for (const EventRow& row : member.events) {
       const std::string line = EventsCsv({row});
@@ -200,13 +228,17 @@ int RunShearEnsemble(const Ensemble& ensemble, bool has_particles) {
                           &a.agrees_until,
                           &a.small_strain_fabric,
                           &a.all_fabric}) {
-      *value /= counted;
+      *value /= compared;
     }
   }
   json["complete"] = counted;
   json["mode"] = FLAGS_mode;
   json["agreement"] = AgreementJson(mean_agreement);
-  if (has_events) json["events"] = events.size();
+  if (has_events) json["events"] = search;
+  for (const auto& [count, packings] : excess) {
+    json["starts"]["excess_contacts"][Format("%d", count)] = packings;
+  }
+  if (starts > 0) json["starts"]["softened_by_a_shear"] = held_by_cell;
   json["schema"] = "granopt/shear_ensemble/1";
   json["provenance"] = Provenance();
   output.Write("bands.csv", BandsCsv(curves));
@@ -260,7 +292,21 @@ int RunShearEnsemble(const Ensemble& ensemble, bool has_particles) {
   }
   std::printf("%s", AgreementTable(mean_agreement).c_str());
   if (has_events) {
-    std::printf("  events        %zu in %d packings\n", events.size(), counted);
+    std::printf(
+        "  events        %zu in %d packings: in %d of %d searched steps; %d "
+        "branches were left and met again\n",
+        events.size(),
+        counted,
+        search["steps_searched"] - search["steps_without"],
+        search["steps_searched"],
+        search["reversible_branches"]);
+  }
+  if (starts > 0) {
+    std::printf("  starts        contacts beyond isostatic:");
+    for (const auto& [count, packings] : excess) {
+      std::printf(" %d (%d)", count, packings);
+    }
+    std::printf("; G < 0 in some direction: %d of %d\n", held_by_cell, starts);
   }
   if (interrupted) std::printf("\ninterrupted: %d complete\n", counted);
   output.PrintFiles();

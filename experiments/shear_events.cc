@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "experiments/checkpoint.h"
+#include "experiments/tabular.h"
 #include "granular/packing_io.h"
 
 namespace granopt {
@@ -80,7 +81,11 @@ Json ToJson(const EventCatalogue& catalogue) {
 
 EventCatalogue EventCatalogueOf(const Json& json) {
   EventCatalogue catalogue;
-  ParseEvents(json.at("rows").get<std::string>(), &catalogue.rows);
+  std::string error;
+  if (!ParseEvents(
+          json.at("rows").get<std::string>(), &catalogue.rows, &error)) {
+    throw Json::other_error::create(501, "events: " + error, &json);
+  }
   json.at("searched").get_to(catalogue.searched);
   json.at("elastic").get_to(catalogue.elastic);
   json.at("relaxations").get_to(catalogue.relaxations);
@@ -117,38 +122,32 @@ std::string EventsCsv(const std::vector<EventRow>& rows) {
   return csv;
 }
 
-bool ParseEvents(const std::string& csv, std::vector<EventRow>* rows) {
+bool ParseEvents(const std::string& csv,
+                 std::vector<EventRow>* rows,
+                 std::string* error) {
   rows->clear();
-  std::stringstream lines(csv);
-  std::string line;
-  std::getline(lines, line);
-  while (std::getline(lines, line)) {
+  CsvReader reader(csv, "events.csv");
+  if (!reader.Begin(error)) return false;
+  while (reader.Row()) {
     EventRow r;
-    if (std::sscanf(
-            line.c_str(),
-            "%lf,%lf,%lf,%lf,%lf,%lf,%lf,%d,%d,%lf,%lf,%d,%lf,%lf,%lf,%lf,%lf",
-            &r.strain_before,
-            &r.strain_after,
-            &r.energy,
-            &r.energy_drop,
-            &r.stress_drop,
-            &r.pressure_drop,
-            &r.participation,
-            &r.opened,
-            &r.closed,
-            &r.reversal_energy,
-            &r.reversal_displacement,
-            &r.relaxations,
-            &r.harmonics[0],
-            &r.harmonics[1],
-            &r.harmonics[2],
-            &r.harmonics[3],
-            &r.harmonics[4]) != 17) {
-      return false;
+    reader.Read("strain_before", &r.strain_before);
+    reader.Read("strain_after", &r.strain_after);
+    reader.Read("energy", &r.energy);
+    reader.Read("energy_drop", &r.energy_drop);
+    reader.Read("stress_drop", &r.stress_drop);
+    reader.Read("pressure_drop", &r.pressure_drop);
+    reader.Read("participation", &r.participation);
+    reader.Read("contacts_opened", &r.opened);
+    reader.Read("contacts_closed", &r.closed);
+    reader.Read("reversal_energy", &r.reversal_energy);
+    reader.Read("reversal_displacement", &r.reversal_displacement);
+    reader.Read("relaxations", &r.relaxations);
+    for (int m = 0; m < 5; ++m) {
+      reader.Read(Format("m%d", m).c_str(), &r.harmonics[m]);
     }
     rows->push_back(r);
   }
-  return true;
+  return reader.error().empty() || Fail(reader.error(), error);
 }
 
 bool NoteEvents(const QuasistaticShearState& before,

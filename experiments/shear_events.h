@@ -44,10 +44,13 @@ EventCatalogue EventCatalogueOf(const Json& json);
 // participation,contacts_opened,contacts_closed,reversal_energy,
 // reversal_displacement,relaxations,m0,m1,m2,m3,m4
 std::string EventsCsv(const std::vector<EventRow>& rows);
-bool ParseEvents(const std::string& csv, std::vector<EventRow>* rows);
+// False with one line in `error`.
+bool ParseEvents(const std::string& csv,
+                 std::vector<EventRow>* rows,
+                 std::string* error);
 
 // Locates the events of the step from `before` to strain `to`, one after the
-// other, as long as what is left of the step dissipates more than `threshold`
+// other, down to energies of a tenth of `threshold`
 // of its energy. False with one line in `error`.
 bool NoteEvents(const QuasistaticShearState& before,
                 double to,

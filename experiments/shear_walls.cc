@@ -85,6 +85,8 @@ int RunWallShear(Scene scene,
   Eigen::VectorXd moved = Eigen::VectorXd::Zero(packing.size());
   Eigen::VectorXd height = Eigen::VectorXd::Zero(packing.size());
   double most = 0.0, first_shear = 0.0, last_shear = 0.0, normal = 0.0;
+  int steps = 0;
+  double strain = 0.0;
   double worst_imbalance = 0.0, work = 0.0, dissipated = 0.0;
   WallShearResult result;
   bool finished;
@@ -128,6 +130,8 @@ int RunWallShear(Scene scene,
             }
           }
           before = now;
+          steps = step.step;
+          strain = step.strain;
           most = std::max(most, std::abs(step.shear_stress));
           last_shear = step.shear_stress;
           normal = step.normal_stress;
@@ -146,7 +150,7 @@ int RunWallShear(Scene scene,
 
   // Displacement over that of the wall, in slices of the height.
   std::string profile = "height,displacement,grains\n";
-  const double wall_move = path.back() * walls.Height();
+  const double wall_move = strain * walls.Height();
   for (int bin = 0; bin < kBins && wall_move != 0.0; ++bin) {
     double sum = 0.0;
     int count = 0;
@@ -168,8 +172,8 @@ int RunWallShear(Scene scene,
   json["mode"] = "wall";
   json["wall"] = kind;
   json["height"] = walls.Height();
-  json["steps"] = path.size();
-  json["strain"] = path.back();
+  json["steps"] = steps;
+  json["strain"] = strain;
   json["relaxations"] = result.relaxations;
   json["gave_up"] = result.gave_up;
   json["evaluations"] = result.counters.evaluations;

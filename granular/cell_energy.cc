@@ -89,6 +89,10 @@ CellEnergy::CellEnergy(const Packing& packing, const CellEnergyOptions& options)
 std::unique_ptr<CellEnergy> CellEnergy::Create(const Packing& packing,
                                                const CellEnergyOptions& options,
                                                std::string* error) {
+  if (!options.energy.fixed.empty()) {
+    *error = "grains cannot be fixed in a cell that moves";
+    return nullptr;
+  }
   ContactEnergyOptions energy_options = options.energy;
   energy_options.precision = Precision::DOUBLE;
   std::unique_ptr<ContactEnergy> law =

@@ -45,6 +45,7 @@ bool RelaxByDampedMotion(const Packing& start,
   Eigen::VectorXd u = Eigen::VectorXd::Zero(n);
   Eigen::VectorXd velocity = Eigen::VectorXd::Zero(n);
   Eigen::VectorXd gradient(n);
+  Eigen::VectorXd last = u;  // the last point where the energy is defined
   const auto evaluate = [&]() {
     ++summary.counters.evaluations;
     return energy->EvaluateWithScales(
@@ -54,6 +55,7 @@ bool RelaxByDampedMotion(const Packing& start,
   summary.initial_cost = summary.cost;
   for (;;) {
     if (!is_defined) {
+      u = last;
       summary.reason = StopReason::EVALUATION_FAILED;
       summary.message = "grains have left every bound: the step is too long";
       break;
@@ -82,6 +84,7 @@ bool RelaxByDampedMotion(const Packing& start,
     ++summary.counters.iterations;
     velocity *= decay;
     velocity.array() -= 0.5 * dt * gradient.array() / mass.array();
+    last = u;
     u += dt * velocity;
     if (energy->Recenter(u.data())) ++summary.counters.recenters;
     is_defined = evaluate();

@@ -3,50 +3,24 @@
 
 #include "experiments/ensemble.h"
 
-#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cmath>
 #include <csignal>
 #include <cstdlib>
-#include <fstream>
-#include <sstream>
 #include <string>
 #include <vector>
 
 #include "experiments/distributions.h"
 #include "experiments/jobs.h"
 #include "gtest/gtest.h"
+#include "tests/experiments/binaries.h"
 
 namespace granopt {
 namespace {
 
-std::string Slurp(const std::string& path) {
-  std::ifstream file(path);
-  std::stringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
-
-bool Exists(const std::string& path) {
-  struct stat status;
-  return stat(path.c_str(), &status) == 0;
-}
-
-class Folder : public testing::Test {
- protected:
-  void SetUp() override {
-    char name[] = "/tmp/granopt_ensemble_XXXXXX";
-    ASSERT_NE(mkdtemp(name), nullptr);
-    folder_ = name;
-  }
-  void TearDown() override {
-    EXPECT_EQ(std::system(("rm -rf '" + folder_ + "'").c_str()), 0);
-  }
-
-  std::string folder_;
-};
+class Folder : public Binaries {};
 
 // ---- statistics
 

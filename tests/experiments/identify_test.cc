@@ -1,61 +1,23 @@
 // The binary `identify` as a user runs it.
 
-#include <sys/stat.h>
-#include <sys/wait.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <fstream>
-#include <sstream>
 #include <string>
 
 #include "gtest/gtest.h"
 #include "nlohmann/json.hpp"
+#include "tests/experiments/binaries.h"
 
 namespace granopt {
 namespace {
 
 using Json = nlohmann::json;
 
-std::string Slurp(const std::string& path) {
-  std::ifstream file(path);
-  std::stringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
-
-bool Exists(const std::string& path) {
-  struct stat status;
-  return stat(path.c_str(), &status) == 0;
-}
-
-struct Outcome {
-  int status = -1;
-  std::string out, err;
-};
-
-class Identify : public testing::Test {
+class Identify : public Binaries {
  protected:
-  void SetUp() override {
-    char name[] = "/tmp/granopt_identify_XXXXXX";
-    ASSERT_NE(mkdtemp(name), nullptr);
-    folder_ = name;
-  }
-  void TearDown() override {
-    EXPECT_EQ(std::system(("rm -rf '" + folder_ + "'").c_str()), 0);
-  }
   Outcome Do(const std::string& arguments) {
-    Outcome run;
-    const int status = std::system(
-        ("cd '" + folder_ +
-         "' && " GRANOPT_BINARIES "/identify --nopictures --smoke " +
-         arguments + " > stdout.txt 2> stderr.txt < /dev/null")
-            .c_str());
-    run.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-    run.out = Slurp(folder_ + "/stdout.txt");
-    run.err = Slurp(folder_ + "/stderr.txt");
-    return run;
+    return Binaries::Do("identify", "--smoke " + arguments);
   }
   Json Summary(const std::string& folder) {
     return Json::parse(Slurp(folder_ + "/" + folder + "/summary.json"));
@@ -72,7 +34,6 @@ class Identify : public testing::Test {
           << file;
     }
   }
-  std::string folder_;
 };
 
 TEST_F(Identify, ThreadsDoNotMatter) {
@@ -87,16 +48,13 @@ TEST_F(Identify, ThreadsDoNotMatter) {
   EXPECT_GE(json.at("runs").get<int>(), 5 * 33);
 }
 
-// Stopped by a signal, wherever that finds it; then resumed.
 TEST_F(Identify, ResumesToTheSameBits) {
   ASSERT_EQ(Do("--out=whole").status, 0);
-  const std::string cut =
-      "cd '" + folder_ +
-      "' && timeout -s INT 0.15 " GRANOPT_BINARIES
-      "/identify --nopictures --smoke --out=cut > /dev/null 2>&1; true";
-  ASSERT_EQ(std::system(cut.c_str()), 0);
+  ASSERT_EQ(Interrupt("identify", "--smoke", "cut"), 1);
+  EXPECT_FALSE(Exists(folder_ + "/cut/summary.json"));
   const Outcome run = Do("--resume --out=cut");
   ASSERT_EQ(run.status, 0) << run.err;
+  EXPECT_NE(run.out.find("resumed after "), std::string::npos) << run.out;
   ExpectSame("whole", "cut");
   // A search that is done gets a profile without running again.
   const Outcome more = Do("--resume --profile --out=cut");
