@@ -43,6 +43,8 @@
         of `shear --events`: sizes of plastic events
     plot.py walls DIR OUT
         of `shear --mode=wall`: stresses of the wall, and how the grains follow it
+    plot.py stress STRESS.csv OUT [--yields=STRESS]
+        of `shear --mode=stress`: strain, pressure and volume against shear stress
     plot.py dynamics DYNAMICS.csv OUT
         of `shear --dynamics`: states of damped motion against those of a minimizer
     plot.py grain_cost GRAIN_COST.csv OUT
@@ -3970,6 +3972,38 @@ def WallsFigure(arguments):
   return figure
 
 
+def StressFigure(arguments):
+  table = ReadTable(arguments.table, ("strain", "shear_stress", "phi", "pressure"))
+  if not len(table["strain"]):
+    raise InputError("%s: no rows" % arguments.table)
+  figure, axes = plt.subplots(
+      1, 3, figsize=(12.4, 4.6), gridspec_kw=dict(
+          left=0.07, right=0.985, top=0.95, bottom=0.16, wspace=0.36))
+  unit, power = TimesTen(table["shear_stress"])
+  ax = axes[0]
+  ax.plot(100 * table["strain"], table["shear_stress"] / unit, "o-", color=BLUE,
+          markersize=4)
+  if arguments.yields:
+    ax.axhline(arguments.yields / unit, color=VERMILION, linestyle=(0, (5, 3)))
+  ax.set_xlabel(STRAIN_LABELS["simple"])
+  ax.set_ylabel(r"shear stress  $-\sigma_{12}$" + power)
+  for ax, name, label in (
+      (axes[1], "pressure", "pressure  $p$"),
+      (axes[2], "phi", r"packing fraction  $\varphi$")):
+    values, unit_y, power_y = table[name], 1.0, ""
+    if name == "pressure":
+      unit_y, power_y = TimesTen(values)
+    ax.plot(table["shear_stress"] / unit, values / unit_y, "o-", color=BLUE,
+            markersize=4)
+    ax.set_xlabel(r"shear stress  $-\sigma_{12}$" + power)
+    ax.set_ylabel(label + power_y)
+    ax.ticklabel_format(axis="y", useOffset=False)
+  FinishPanels(axes)
+  Help(figure, "Minima over grains and cell at given shear stress"
+       + ("; dashed: no state was found above." if arguments.yields else "."))
+  return figure
+
+
 def DynamicsFigure(arguments):
   names = (("energy", "$E$"), ("pressure", "$p$"),
            ("stress_dev", r"$\sigma_{\mathrm{dev}}$"),
@@ -4197,6 +4231,11 @@ def Arguments(words):
   command.add_argument("folder")
   command.add_argument("out")
   command.set_defaults(figure=WallsFigure)
+  command = commands.add_parser("stress")
+  command.add_argument("table")
+  command.add_argument("out")
+  command.add_argument("--yields", type=float, default=0.0)
+  command.set_defaults(figure=StressFigure)
   command = commands.add_parser("dynamics")
   command.add_argument("table")
   command.add_argument("out")

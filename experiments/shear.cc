@@ -1,8 +1,8 @@
 // shear: quasistatic deformation of a jammed packing: pure shear (sec. 4.3,
 // Fig. 8), simple shear in a Lees-Edwards cell, or cycles of compression, with
 // stress and fabric against strain; the plastic events on the way, located.
-// With
-// --seeds: the same for many packings, and the mean curves (shear_ensemble.h).
+// Also by walls, and by a given stress. With --seeds: the same for many
+// packings, and the mean curves (shear_ensemble.h).
 
 #include <algorithm>
 #include <cmath>
@@ -21,6 +21,7 @@
 #include "experiments/shear_dynamics.h"
 #include "experiments/shear_ensemble.h"
 #include "experiments/shear_events.h"
+#include "experiments/shear_stress.h"
 #include "experiments/shear_walls.h"
 #include "granular/cell_energy.h"
 #include "granular/linear_response.h"
@@ -30,11 +31,18 @@
 DEFINE_string(mode,
               "pure",
               "pure: D = diag(1 + strain, 1 / (1 + strain)); simple: D = 1 + "
-              "strain e1 e2, any strain; bulk: the volume times 1 + strain");
+              "strain e1 e2, any strain; bulk: the volume times 1 + strain; "
+              "wall: by a wall that moves; stress: simple shear by "
+              "--shear_stress");
 DEFINE_string(wall,
               "rough",
               "with --mode=wall: rough (grains of the packing, held) or flat "
               "(rows of small discs)");
+DEFINE_double(shear_stress,
+              0.0,
+              "with --mode=stress: -sigma_12 at the end, in units of the "
+              "stiffness; at constant volume, or at --pressure");
+DEFINE_int32(stress_steps, 20, "with --mode=stress: steps on the way");
 DEFINE_bool(dynamics,
             false,
             "instead: relax random starts and sheared packings by damped "
@@ -87,8 +95,11 @@ DeformationMode ReadMode() {
                                      DeformationMode::BULK}) {
     if (FLAGS_mode == DeformationModeName(mode)) return mode;
   }
-  if (FLAGS_mode == "wall") return DeformationMode::SIMPLE_SHEAR;
-  BadInput("--mode=" + FLAGS_mode + " must be pure, simple, bulk or wall");
+  if (FLAGS_mode == "wall" || FLAGS_mode == "stress") {
+    return DeformationMode::SIMPLE_SHEAR;
+  }
+  BadInput("--mode=" + FLAGS_mode +
+           " must be pure, simple, bulk, wall or stress");
 }
 
 // Coarsest first.
@@ -138,10 +149,34 @@ std::vector<double> CheckFlags(DeformationMode mode) {
   if (IsGiven("wall") && FLAGS_mode != "wall") {
     BadInput("--wall needs --mode=wall");
   }
+  if (FLAGS_mode == "stress") {
+    if (!std::isfinite(FLAGS_shear_stress) || FLAGS_shear_stress == 0.0) {
+      BadInput(Format("--shear_stress=%g must be finite and not 0",
+                      FLAGS_shear_stress));
+    }
+    CheckRange("stress_steps", FLAGS_stress_steps, 1, 100000);
+    for (const char* flag : {"strain",
+                             "increments",
+                             "cycles",
+                             "events",
+                             "event_threshold",
+                             "stabilize",
+                             "dynamics",
+                             "paper"}) {
+      if (IsGiven(flag)) {
+        BadInput(std::string("--") + flag + " cannot go with --mode=stress");
+      }
+    }
+  }
+  for (const char* flag : {"shear_stress", "stress_steps"}) {
+    if (IsGiven(flag) && FLAGS_mode != "stress") {
+      BadInput(std::string("--") + flag + " needs --mode=stress");
+    }
+  }
   if (FLAGS_mode == "wall" || FLAGS_dynamics) {
     const std::string which = FLAGS_dynamics ? "--dynamics" : "--mode=wall";
     for (const char* flag :
-         {"events", "event_threshold", "pressure", "resume", "paper"}) {
+         {"events", "event_threshold", "pressure", "paper"}) {
       if (IsGiven(flag)) {
         BadInput(std::string("--") + flag + " cannot go with " + which);
       }
@@ -300,6 +335,13 @@ int Main() {
     }
     return RunWallShear(
         std::move(scene), FLAGS_wall, PathOf(increments.front()));
+  }
+  if (FLAGS_mode == "stress") {
+    if (ensemble.asked) BadInput("--seeds cannot go with --mode=stress");
+    return RunStressShear(std::move(scene),
+                          FLAGS_shear_stress,
+                          FLAGS_stress_steps,
+                          FLAGS_pressure);
   }
   if (ensemble.asked) return RunShearEnsemble(ensemble, has_particles);
   const SolveOptions solve = MakeSolveOptions();

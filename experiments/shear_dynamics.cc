@@ -4,12 +4,16 @@
 #include <cstdio>
 #include <map>
 #include <string>
+#include <utility>
 
 #include "experiments/checkpoint.h"
 #include "experiments/run.h"
 #include "experiments/scene.h"
 #include "experiments/shear_ensemble.h"
 #include "granular/damped_motion.h"
+#include "granular/packing_io.h"
+
+DECLARE_bool(resume);
 
 namespace granopt {
 namespace {
@@ -27,12 +31,40 @@ constexpr const char* kQuantities[] = {"energy",
                                        "coordination"};
 constexpr int kNumQuantities = 6;
 
-struct Key {
+// One relaxation.
+struct DynamicsRow {
+  std::uint64_t seed = 0;
   std::string load, way;
-  bool operator<(const Key& other) const {
-    return load != other.load ? load < other.load : way < other.way;
-  }
+  double damping = 0.0;
+  std::vector<double> values;  // kQuantities
+  std::int64_t evaluations = 0;
+  bool converged = false, same = false;
 };
+
+Json ToJson(const DynamicsRow& row) {
+  return {row.seed,
+          row.load,
+          row.way,
+          row.damping,
+          row.values,
+          row.evaluations,
+          row.converged,
+          row.same};
+}
+DynamicsRow DynamicsRowOf(const Json& json) {
+  DynamicsRow row;
+  json.at(0).get_to(row.seed);
+  json.at(1).get_to(row.load);
+  json.at(2).get_to(row.way);
+  json.at(3).get_to(row.damping);
+  json.at(4).get_to(row.values);
+  json.at(5).get_to(row.evaluations);
+  json.at(6).get_to(row.converged);
+  json.at(7).get_to(row.same);
+  return row;
+}
+
+using Key = std::pair<std::string, std::string>;  // load, way
 struct Group {
   std::vector<double> ratio[kNumQuantities];  // to the minimizer's
   std::vector<double> evaluations;
@@ -55,11 +87,6 @@ int RunDynamics(const std::vector<std::uint64_t>& seeds,
                 double phi,
                 const std::vector<double>& strains,
                 std::unique_ptr<Solver> solver) {
-  Output output;
-  output.Create(
-      FLAGS_out,
-      {"summary.json", "dynamics.csv", "dynamics.svg", "dynamics.png"});
-  CatchStopSignals();
   const SolveOptions solve = MakeSolveOptions();
   std::printf(
       "shear     damped motion against %s: %zu packings, phi = %g; a random "
@@ -72,18 +99,44 @@ int RunDynamics(const std::vector<std::uint64_t>& seeds,
       "\n          m x'' = -dE/dx - c x' from rest until |g| <= %g mean "
       "forces; c / sqrt(k m) = 0.1, 0.5, 2\n",
       solve.relative_tolerance);
-  std::fflush(stdout);
-  std::string csv =
-      "seed,load,way,damping,energy,pressure,stress_dev,fabric_iso,fabric_dev,"
-      "coordination,evaluations,converged,same_state\n";
-  std::map<Key, Group> groups;
-  std::vector<Key> order;
-  bool all = true;
+  Json setup = {{"seeds", seeds},
+                {"phi", phi},
+                {"strains", strains},
+                {"solver", solver->name()},
+                {"tolerance", solve.relative_tolerance}};
+  {
+    const Scene first = MakeScene(phi, seeds.front());
+    setup["packing"] = Crc32(FormatPacking(first.packing));
+    setup["alpha"] = first.energy.alpha;
+    setup["precision"] = PrecisionName(first.energy.precision);
+  }
+  const Checkpoint checkpoint(CheckpointPath(), setup);
+  std::vector<DynamicsRow> rows;
   std::size_t done = 0;
+  Json written;
+  if (FLAGS_resume && Resume(checkpoint, &written)) {
+    try {
+      written.at("done").get_to(done);
+      for (const Json& row : written.at("rows")) {
+        rows.push_back(DynamicsRowOf(row));
+      }
+    } catch (const Json::exception& exception) {
+      RefuseState(checkpoint, exception);
+    }
+    std::printf("          resumed after %zu packings\n", done);
+  }
+  std::vector<std::string> names = {
+      "summary.json", "dynamics.csv", "dynamics.svg", "dynamics.png"};
+  const std::vector<std::string> kept = CheckpointFiles();
+  if (!FLAGS_resume) names.insert(names.end(), kept.begin(), kept.end());
+  Output output;
+  output.Create(FLAGS_out, names, kept);
+  CatchStopSignals();
+  std::fflush(stdout);
   std::string error;
   Progress progress;
-  for (const std::uint64_t seed : seeds) {
-    if (StopRequested()) break;
+  while (done < seeds.size() && !StopRequested()) {
+    const std::uint64_t seed = seeds[done];
     const Scene scene = MakeScene(phi, seed);
     Packing load = scene.packing;
     Packing relaxed;
@@ -108,31 +161,15 @@ int RunDynamics(const std::vector<std::uint64_t>& seeds,
       const auto note = [&](const std::string& way,
                             double damping,
                             const Relaxation& r) {
-        const Key key = {name, way};
-        if (groups.find(key) == groups.end()) order.push_back(key);
-        Group& group = groups[key];
         const std::vector<double> values = Values(r);
-        const bool same = std::abs(values[0] - base[0]) <= kSameState * base[0];
-        const bool succeeded = r.summary.Succeeded();
-        ++group.runs;
-        group.same += same ? 1 : 0;
-        group.converged += succeeded ? 1 : 0;
-        all = all && succeeded;
-        csv += Format("%llu,%s,%s,%g",
-                      static_cast<unsigned long long>(seed),
-                      name.c_str(),
-                      way.c_str(),
-                      damping);
-        for (int q = 0; q < kNumQuantities; ++q) {
-          csv += Format(",%.17g", values[q]);
-          if (base[q] > 0.0) group.ratio[q].push_back(values[q] / base[q]);
-        }
-        csv += Format(",%lld,%d,%d\n",
-                      static_cast<long long>(r.summary.counters.evaluations),
-                      succeeded ? 1 : 0,
-                      same ? 1 : 0);
-        group.evaluations.push_back(
-            static_cast<double>(r.summary.counters.evaluations));
+        rows.push_back({seed,
+                        name,
+                        way,
+                        damping,
+                        values,
+                        r.summary.counters.evaluations,
+                        r.summary.Succeeded(),
+                        std::abs(values[0] - base[0]) <= kSameState * base[0]});
       };
       note("minimizer", 0.0, minimum);
       for (const double damping : kDampings) {
@@ -150,15 +187,55 @@ int RunDynamics(const std::vector<std::uint64_t>& seeds,
       }
     }
     ++done;
+    Json state = {{"done", done}, {"rows", Json::array()}};
+    for (const DynamicsRow& row : rows) state["rows"].push_back(ToJson(row));
+    if (!checkpoint.Write(state, &error)) BadInput(error);
   }
-  const bool interrupted = done < seeds.size();
-  all = all && !interrupted;
   progress.Clear();
+  if (done < seeds.size()) {
+    std::printf(
+        "\nstopped as asked, after %zu of %zu packings: the same command with "
+        "--resume goes on\n",
+        done,
+        seeds.size());
+    return kNotConverged;
+  }
+
+  std::string csv = "seed,load,way,damping";
+  for (const char* quantity : kQuantities) csv += Format(",%s", quantity);
+  csv += ",evaluations,converged,same_state\n";
+  std::map<Key, Group> groups;
+  std::vector<Key> order;
+  bool all = true;
+  std::vector<double> base;  // of the minimizer, which comes first
+  for (const DynamicsRow& row : rows) {
+    if (row.damping == 0.0) base = row.values;
+    const Key key = {row.load, row.way};
+    if (groups.find(key) == groups.end()) order.push_back(key);
+    Group& group = groups[key];
+    ++group.runs;
+    group.same += row.same ? 1 : 0;
+    group.converged += row.converged ? 1 : 0;
+    all = all && row.converged;
+    group.evaluations.push_back(static_cast<double>(row.evaluations));
+    csv += Format("%llu,%s,%s,%g",
+                  static_cast<unsigned long long>(row.seed),
+                  row.load.c_str(),
+                  row.way.c_str(),
+                  row.damping);
+    for (int q = 0; q < kNumQuantities; ++q) {
+      csv += Format(",%.17g", row.values[q]);
+      if (base[q] > 0.0) group.ratio[q].push_back(row.values[q] / base[q]);
+    }
+    csv += Format(",%lld,%d,%d\n",
+                  static_cast<long long>(row.evaluations),
+                  row.converged ? 1 : 0,
+                  row.same ? 1 : 0);
+  }
 
   Json json;
   json["converged"] = all;
   json["packings"] = done;
-  json["interrupted"] = interrupted;
   json["phi"] = phi;
   json["solver"] = solver->name();
   json["groups"] = Json::array();
@@ -170,8 +247,8 @@ int RunDynamics(const std::vector<std::uint64_t>& seeds,
       "same minimum  evaluations\n");
   for (const Key& key : order) {
     const Group& group = groups[key];
-    Json one = {{"load", key.load}, {"way", key.way}};
-    std::printf("    %-13s  %-13s", key.load.c_str(), key.way.c_str());
+    Json one = {{"load", key.first}, {"way", key.second}};
+    std::printf("    %-13s  %-13s", key.first.c_str(), key.second.c_str());
     for (int q = 0; q < kNumQuantities; ++q) {
       const BandPoint p = MakeBand(group.ratio[q]);
       one[kQuantities[q]] = {{"ratio", p.mean}, {"error", p.standard_error}};
@@ -200,10 +277,6 @@ int RunDynamics(const std::vector<std::uint64_t>& seeds,
   output.Plot(
       {"dynamics", output.Path("dynamics.csv"), output.Path("dynamics")},
       {"dynamics.svg", "dynamics.png"});
-  if (interrupted) {
-    std::printf(
-        "\nstopped as asked, after %zu of %zu packings\n", done, seeds.size());
-  }
   output.PrintFiles();
   return all ? kConverged : kNotConverged;
 }

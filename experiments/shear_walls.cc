@@ -6,7 +6,10 @@
 
 #include "experiments/checkpoint.h"
 #include "experiments/run.h"
+#include "granular/packing_io.h"
 #include "granular/walls.h"
+
+DECLARE_bool(resume);
 
 namespace granopt {
 namespace {
@@ -16,6 +19,25 @@ namespace {
 constexpr double kThickness = 1.05;
 constexpr double kSpacing = 0.5;
 constexpr int kBins = 16;
+
+// Of walls.csv.
+constexpr const char* kColumns[] = {"step",
+                                    "strain",
+                                    "shear_stress",
+                                    "normal_stress",
+                                    "energy",
+                                    "work",
+                                    "dissipated",
+                                    "imbalance",
+                                    "stress_iso",
+                                    "stress_dev",
+                                    "fabric_iso",
+                                    "fabric_dev",
+                                    "contacts",
+                                    "iterations",
+                                    "evaluations"};
+constexpr int kShearStress = 2, kNormalStress = 3, kWork = 5, kDissipated = 6,
+              kImbalance = 7;
 
 }  // namespace
 
@@ -51,9 +73,6 @@ int RunWallShear(Scene scene,
                            &error)
           : MakeFlatWalls(kSpacing, &packing, &walls, &error);
   if (!made) BadInput(error);
-  Output output;
-  output.Create(FLAGS_out, WallFiles());
-  CatchStopSignals();
   std::printf(
       "shear     %s (%s), alpha = %g, between %s walls %.4g apart: %d wall "
       "grains, strain to %g in %zu steps\n          method %s\n",
@@ -76,81 +95,130 @@ int RunWallShear(Scene scene,
   options.energy = scene.energy;
   options.solve = solve;
   options.path = path;
-  std::string csv =
-      "step,strain,shear_stress,normal_stress,energy,work,dissipated,imbalance,"
-      "stress_iso,stress_dev,fabric_iso,fabric_dev,contacts,iterations,"
-      "evaluations\n";
-  Packing before;
-  // Along the wall, added up; from the first state.
-  Eigen::VectorXd moved = Eigen::VectorXd::Zero(packing.size());
-  Eigen::VectorXd height = Eigen::VectorXd::Zero(packing.size());
-  double most = 0.0, first_shear = 0.0, last_shear = 0.0, normal = 0.0;
-  int steps = 0;
-  double strain = 0.0;
-  double worst_imbalance = 0.0, work = 0.0, dissipated = 0.0;
-  WallShearResult result;
+  const Checkpoint checkpoint(
+      CheckpointPath(),
+      {{"packing", Crc32(FormatPacking(scene.packing))},
+       {"alpha", scene.energy.alpha},
+       {"solver", scene.solver->name()},
+       {"tolerance", solve.relative_tolerance},
+       {"mode", "wall"},
+       {"wall", kind},
+       {"path", path},
+       {"precision", PrecisionName(scene.energy.precision)}});
+  QuasistaticShearState state;
+  state.step = -1;
+  state.packing = packing;
+  // Of kColumns; along the wall from state to state, added up, and the height
+  // in the first one.
+  std::vector<std::vector<double>> rows;
+  std::vector<double> moved(packing.size(), 0.0), height(packing.size(), 0.0);
+  Json written;
+  if (FLAGS_resume && Resume(checkpoint, &written)) {
+    try {
+      state = ShearStateOf(written.at("state"));
+      written.at("rows").get_to(rows);
+      written.at("moved").get_to(moved);
+      written.at("height").get_to(height);
+    } catch (const Json::exception& exception) {
+      RefuseState(checkpoint, exception);
+    }
+    std::printf("          resumed at strain %g\n", state.strain);
+  }
+  Output output;
+  const std::vector<std::string> kept = CheckpointFiles();
+  std::vector<std::string> names = WallFiles();
+  if (!FLAGS_resume) names.insert(names.end(), kept.begin(), kept.end());
+  output.Create(FLAGS_out, names, kept);
+  CatchStopSignals();
+  std::fflush(stdout);
+
+  Relaxation last;
   bool finished;
   {
     Progress progress;
+    Packing before = state.packing;
     finished = ShearBetweenWalls(
-        packing,
         walls,
         options,
         *scene.solver,
         [&](const WallShearStep& step) {
           const Observables& o = step.result->observables;
           const Counters& c = step.result->summary.counters;
-          csv += Format("%d", step.step);
-          for (const double value : {step.strain,
-                                     step.shear_stress,
-                                     step.normal_stress,
-                                     o.energy,
-                                     step.work,
-                                     step.dissipated,
-                                     step.imbalance,
-                                     o.stress_parts.isotropic,
-                                     o.stress_parts.deviatoric,
-                                     o.fabric_parts.isotropic,
-                                     o.fabric_parts.deviatoric}) {
-            csv += Format(",%.17g", value);
-          }
-          csv += Format(",%d,%lld,%lld\n",
-                        o.contacts,
-                        static_cast<long long>(c.iterations),
-                        static_cast<long long>(c.evaluations));
+          rows.push_back({static_cast<double>(step.step),
+                          step.strain,
+                          step.shear_stress,
+                          step.normal_stress,
+                          o.energy,
+                          step.work,
+                          step.dissipated,
+                          step.imbalance,
+                          o.stress_parts.isotropic,
+                          o.stress_parts.deviatoric,
+                          o.fabric_parts.isotropic,
+                          o.fabric_parts.deviatoric,
+                          static_cast<double>(o.contacts),
+                          static_cast<double>(c.iterations),
+                          static_cast<double>(c.evaluations)});
           const Packing& now = step.result->packing;
-          if (step.step == 0) {
-            height = now.positions.row(1).transpose();
-            first_shear = step.shear_stress;
-          } else {
-            for (int i = 0; i < now.size(); ++i) {
-              double u = now.positions(0, i) - before.positions(0, i);
-              u -= length * std::round(u / length);
-              moved[i] += u;
+          for (int i = 0; i < now.size(); ++i) {
+            if (step.step == 0) {
+              height[i] = now.positions(1, i);
+            } else {
+              const double u = now.positions(0, i) - before.positions(0, i);
+              moved[i] += u - length * std::round(u / length);
             }
           }
           before = now;
-          steps = step.step;
-          strain = step.strain;
-          most = std::max(most, std::abs(step.shear_stress));
-          last_shear = step.shear_stress;
-          normal = step.normal_stress;
-          worst_imbalance = std::max(worst_imbalance, step.imbalance);
-          work += step.work;
-          dissipated += step.dissipated;
           if (progress.Due()) {
             progress.Show(Format("step %d of %zu", step.step, path.size()));
           }
+          // A resumed run does the last one again: there its results come from.
+          if (step.step == static_cast<int>(path.size())) return true;
+          std::string fault;
+          if (!checkpoint.Write({{"state", ToJson(*step.state)},
+                                 {"rows", rows},
+                                 {"moved", moved},
+                                 {"height", height}},
+                                &fault)) {
+            BadInput(fault);
+          }
           return !StopRequested();
         },
-        &result,
+        &state,
+        &last,
         &error);
   }
   if (!finished && !StopRequested()) BadInput(error);
+  if (!finished) {
+    std::printf(
+        "\nstopped as asked, at strain %g: the same command with --resume "
+        "goes on\n",
+        state.strain);
+    return kNotConverged;
+  }
+  double most = 0.0, worst_imbalance = 0.0, work = 0.0, dissipated = 0.0;
+  std::string csv;
+  for (const char* name : kColumns) {
+    csv += Format("%s%s", csv.empty() ? "" : ",", name);
+  }
+  csv += "\n";
+  for (const std::vector<double>& row : rows) {
+    for (std::size_t k = 0; k < row.size(); ++k) {
+      csv += Format("%s%.17g", k == 0 ? "" : ",", row[k]);
+    }
+    csv += "\n";
+    most = std::max(most, std::abs(row[kShearStress]));
+    worst_imbalance = std::max(worst_imbalance, row[kImbalance]);
+    work += row[kWork];
+    dissipated += row[kDissipated];
+  }
+  const double first_shear = rows.front()[kShearStress];
+  const double last_shear = rows.back()[kShearStress];
+  const double normal = rows.back()[kNormalStress];
 
   // Displacement over that of the wall, in slices of the height.
   std::string profile = "height,displacement,grains\n";
-  const double wall_move = strain * walls.Height();
+  const double wall_move = state.strain * walls.Height();
   for (int bin = 0; bin < kBins && wall_move != 0.0; ++bin) {
     double sum = 0.0;
     int count = 0;
@@ -168,16 +236,16 @@ int RunWallShear(Scene scene,
         Format("%.6g,%.9g,%d\n", (bin + 0.5) / kBins, sum / count, count);
   }
   Json json;
-  json["converged"] = finished && result.gave_up == 0;
+  json["converged"] = state.gave_up == 0;
   json["mode"] = "wall";
   json["wall"] = kind;
   json["height"] = walls.Height();
-  json["steps"] = steps;
-  json["strain"] = strain;
-  json["relaxations"] = result.relaxations;
-  json["gave_up"] = result.gave_up;
-  json["evaluations"] = result.counters.evaluations;
-  json["seconds"] = result.seconds;
+  json["steps"] = state.step;
+  json["strain"] = state.strain;
+  json["relaxations"] = state.relaxations;
+  json["gave_up"] = state.gave_up;
+  json["evaluations"] = state.counters.evaluations;
+  json["seconds"] = state.seconds;
   json["solver"] = scene.solver->name();
   json["alpha"] = scene.energy.alpha;
   json["dimension"] = d;
@@ -193,8 +261,8 @@ int RunWallShear(Scene scene,
   json["provenance"] = Provenance();
   output.Write("walls.csv", csv);
   output.Write("profile.csv", profile);
-  output.WritePacking("packing.xyz", Annotated(result.last, scene.energy));
-  output.Write("contacts.csv", ContactsCsv(result.last));
+  output.WritePacking("packing.xyz", Annotated(last, scene.energy));
+  output.Write("contacts.csv", ContactsCsv(last));
   output.WriteJson("summary.json", json);
   output.Plot({"walls", output.folder(), output.Path("walls")},
               {"walls.svg", "walls.png"});
@@ -216,15 +284,13 @@ int RunWallShear(Scene scene,
       worst_imbalance,
       work,
       dissipated,
-      result.relaxations,
-      static_cast<long long>(result.counters.evaluations),
-      result.seconds,
-      result.gave_up > 0
-          ? Format("; %d DID NOT CONVERGE", result.gave_up).c_str()
-          : "");
-  if (!finished) std::printf("\nstopped as asked\n");
+      state.relaxations,
+      static_cast<long long>(state.counters.evaluations),
+      state.seconds,
+      state.gave_up > 0 ? Format("; %d DID NOT CONVERGE", state.gave_up).c_str()
+                        : "");
   output.PrintFiles();
-  return finished && result.gave_up == 0 ? kConverged : kNotConverged;
+  return state.gave_up == 0 ? kConverged : kNotConverged;
 }
 
 }  // namespace granopt

@@ -636,6 +636,7 @@ bool RelaxAtStress(const Packing& start,
   const bool is_dead = options.load.size() > 0 && !options.load.isZero(0.0);
   Packing packing = start;
   bool settled = false, succeeded = true;
+  Summary over_cell;
   while (!settled && result->rounds < options.most_rounds) {
     const std::unique_ptr<CellEnergy> function =
         CellEnergy::Create(packing, cell, error);
@@ -652,7 +653,7 @@ bool RelaxAtStress(const Packing& start,
     packing.Wrap();
     result->deformation =
         (SmallMatrix::Identity(d, d) + eps) * result->deformation;
-    result->relaxation.summary = summary;
+    over_cell = summary;
     settled = !is_dead || eps.cwiseAbs().maxCoeff() <= options.strain_tolerance;
     if (!succeeded) break;
   }
@@ -666,10 +667,17 @@ bool RelaxAtStress(const Packing& start,
              error)) {
     return false;
   }
-  result->converged =
-      result->converged && result->relaxation.summary.Succeeded();
   result->counters += result->relaxation.summary.counters;
   result->seconds += result->relaxation.summary.seconds;
+  // What went wrong, not that the grains relaxed in the cell where it did.
+  if (!succeeded) {
+    result->relaxation.summary = over_cell;
+  } else if (!settled) {
+    result->relaxation.summary.message = Format(
+        "the cell has not settled after %d minimizations", result->rounds);
+  }
+  result->converged =
+      result->converged && result->relaxation.summary.Succeeded();
   return true;
 }
 

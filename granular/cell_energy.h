@@ -155,7 +155,8 @@ struct ConstantStressOptions {
 };
 
 struct ConstantStressResult {
-  // At the end, relaxed once more in the cell as it is rounded.
+  // At the end, relaxed once more in the cell as it is rounded. Its summary is
+  // that of the minimization over the cell if that one gave up.
   Relaxation relaxation;
   SmallMatrix deformation;  // F from the start to the end
   int rounds = 0;

@@ -161,56 +161,47 @@ WallForces MeasureWallForces(const Walls& walls,
 }
 
 bool ShearBetweenWalls(
-    const Packing& start,
     const Walls& walls,
     const WallShearOptions& options,
     const Solver& solver,
     const std::function<bool(const WallShearStep&)>& observer,
-    WallShearResult* result,
+    QuasistaticShearState* state,
+    Relaxation* last,
     std::string* error) {
   for (const double strain : options.path) {
     if (std::isfinite(strain)) continue;
     *error = Format("strain = %g must be finite", strain);
     return false;
   }
-  if (static_cast<int>(walls.side.size()) != start.size()) {
+  if (static_cast<int>(walls.side.size()) != state->packing.size()) {
     *error = "walls of another packing";
     return false;
   }
-  const int d = start.dimension();
+  const int d = state->packing.dimension();
   ContactEnergyOptions energy = options.energy;
   energy.fixed = walls.Fixed();
-  *result = WallShearResult();
-  Packing packing = start;
-  WallShearStep step;
-  double force_before = 0.0, energy_before = 0.0;
-  const int steps = static_cast<int>(options.path.size());
-  for (step.step = 0; step.step <= steps; ++step.step) {
-    const double before = step.strain;
-    if (step.step > 0) {
-      step.strain = options.path[step.step - 1];
-      const double move = (step.strain - before) * walls.Height();
-      for (int i = 0; i < packing.size(); ++i) {
-        if (walls.side[i] < 0) continue;
-        const double part =
-            walls.side[i] > 0
-                ? 1.0
-                : std::clamp(
-                      (packing.positions(1, i) - walls.lower) / walls.Height(),
-                      0.0,
-                      1.0);
-        packing.SetPosition(i, 0, packing.Position(i, 0) + part * move);
-      }
+  *last = Relaxation();
+  while (state->step < static_cast<int>(options.path.size())) {
+    WallShearStep step;
+    step.step = state->step + 1;
+    step.strain = step.step > 0 ? options.path[step.step - 1] : 0.0;
+    const double move = (step.strain - state->strain) * walls.Height();
+    Packing packing = state->packing;
+    for (int i = 0; i < packing.size() && move != 0.0; ++i) {
+      if (walls.side[i] < 0) continue;
+      const double part =
+          walls.side[i] > 0
+              ? 1.0
+              : std::clamp(
+                    (packing.positions(1, i) - walls.lower) / walls.Height(),
+                    0.0,
+                    1.0);
+      packing.SetPosition(i, 0, packing.Position(i, 0) + part * move);
     }
     Relaxation relaxed;
     if (!Relax(packing, energy, solver, options.solve, &relaxed, error)) {
       return false;
     }
-    ++result->relaxations;
-    result->gave_up += relaxed.summary.Succeeded() ? 0 : 1;
-    result->counters += relaxed.summary.counters;
-    result->seconds += relaxed.summary.seconds;
-    packing = relaxed.packing;
     // Over the volume between the faces.
     Observables& o = relaxed.observables;
     const double volumes = packing.box.Volume() / walls.Volume();
@@ -221,20 +212,30 @@ bool ShearBetweenWalls(
     o.stress_parts = SplitTensor(o.stress);
     o.fabric_parts = SplitTensor(o.fabric);
     const WallForces forces = MeasureWallForces(walls, relaxed.contacts, d);
-    step.shear_stress = 0.0 - forces.upper[0] / walls.area;  // no -0
-    step.normal_stress = forces.upper[1] / walls.area;
+    SmallMatrix stress = SmallMatrix::Zero(d, d);
+    stress.col(1) = forces.upper / walls.area;
+    step.shear_stress = 0.0 - stress(0, 1);  // no -0
+    step.normal_stress = stress(1, 1);
     const double push = std::abs(forces.upper[1]);
     step.imbalance =
         push > 0.0 ? (forces.upper + forces.lower).norm() / push : 0.0;
     if (step.step > 0) {
-      step.work = -0.5 * (force_before + forces.upper[0]) *
-                  (step.strain - before) * walls.Height();
-      step.dissipated = energy_before + step.work - o.energy;
+      step.work =
+          -0.5 * walls.area * (state->stress(0, 1) + stress(0, 1)) * move;
+      step.dissipated = state->energy + step.work - o.energy;
     }
-    force_before = forces.upper[0];
-    energy_before = o.energy;
-    result->last = std::move(relaxed);
-    step.result = &result->last;
+    state->step = step.step;
+    state->strain = step.strain;
+    state->packing = relaxed.packing;
+    state->energy = o.energy;
+    state->stress = stress;
+    ++state->relaxations;
+    state->gave_up += relaxed.summary.Succeeded() ? 0 : 1;
+    state->counters += relaxed.summary.counters;
+    state->seconds += relaxed.summary.seconds;
+    *last = std::move(relaxed);
+    step.result = last;
+    step.state = state;
     if (observer && !observer(step)) {
       *error = "stopped by the caller";
       return false;

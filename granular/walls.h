@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "granular/quasistatic_shear.h"
 #include "granular/relaxation.h"
 
 namespace granopt {
@@ -77,27 +78,28 @@ struct WallShearStep {
   // Stress (10) and fabric (2) of the contacts, over the volume between the
   // faces.
   const Relaxation* result = nullptr;
-};
-
-struct WallShearResult {
-  Relaxation last;
-  int relaxations = 0;
-  int gave_up = 0;
-  Counters counters;
-  double seconds = 0.0;
+  // Valid during the call: what comes after it depends on.
+  const QuasistaticShearState* state = nullptr;
 };
 
 // Moves the upper wall step by step, the free grains affinely with it, and
-// minimizes the energy after each step. The start is relaxed first (step 0).
+// minimizes the energy after each step; the start is relaxed first (step 0).
+//
+// `state` is where a run stands; one begins with state->packing = the start and
+// state->step = -1, and goes on, to the same bits, from a copy that an observer
+// was shown. Its stress is that on the upper wall: entry (1, 2) is minus the
+// shear stress, (2, 2) the normal one. `last` is the last relaxation, empty if
+// nothing was left to do.
+//
 // Returns false with one line in `error` if the packing cannot be simulated or
 // the observer (may be empty) stopped.
 bool ShearBetweenWalls(
-    const Packing& start,
     const Walls& walls,
     const WallShearOptions& options,
     const Solver& solver,
     const std::function<bool(const WallShearStep&)>& observer,
-    WallShearResult* result,
+    QuasistaticShearState* state,
+    Relaxation* last,
     std::string* error);
 
 }  // namespace granopt

@@ -1418,6 +1418,63 @@ TEST_F(Cli, ShearResumes) {
   EXPECT_EQ(Lines(other.err), 1) << other.err;
 }
 
+// The same of walls, of a given stress and of damped motion.
+TEST_F(Cli, OtherShearsResume) {
+  const struct {
+    std::string flags, words;
+    std::vector<const char*> files;
+  } runs[] = {{"--particles=128 --mode=wall --strain=0.01 --increments=1e-4",
+               "resumed at strain",
+               {"walls.csv", "profile.csv", "packing.xyz"}},
+              {"--particles=64 --phi=0.9 --mode=stress --shear_stress=1e-3 "
+               "--stress_steps=50",
+               "resumed at shear stress",
+               {"stress.csv", "packing.xyz"}},
+              {"--particles=48 --dynamics --seeds=1-3 --tolerance=1e-4",
+               "resumed after",
+               {"dynamics.csv"}}};
+  int number = 0;
+  for (const auto& run : runs) {
+    const std::string whole = "whole" + std::to_string(++number);
+    const std::string cut = "cut" + std::to_string(number);
+    const Outcome all = Do("shear", run.flags + " --out=" + whole);
+    ASSERT_EQ(all.status, 0) << all.out << all.err;
+    ASSERT_EQ(Interrupt("shear", run.flags, cut), 1) << run.flags;
+    const Outcome rest = Do("shear", run.flags + " --resume --out=" + cut);
+    ASSERT_EQ(rest.status, 0) << rest.err;
+    EXPECT_NE(rest.out.find(run.words), std::string::npos) << rest.out;
+    for (const char* name : run.files) {
+      EXPECT_FALSE(Slurp(folder_ + "/" + whole + "/" + name).empty()) << name;
+      EXPECT_TRUE(Slurp(folder_ + "/" + whole + "/" + name) ==
+                  Slurp(folder_ + "/" + cut + "/" + name))
+          << run.flags << ": " << name;
+    }
+  }
+}
+
+// A frictionless packing bears some of its pressure as shear stress, not all.
+TEST_F(Cli, ShearByStressFindsTheYieldStress) {
+  const Outcome run = Do("shear",
+                         "--particles=64 --phi=0.9 --mode=stress "
+                         "--shear_stress=0.1 --stress_steps=8 --out=out");
+  ASSERT_EQ(run.status, 0) << run.out << run.err;
+  const auto json = nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
+  EXPECT_EQ(json.at("yields"), true);
+  const double reached = json.at("reached"), refused = json.at("refused");
+  EXPECT_NEAR(refused - reached, 0.1 / 8 / 64, 1e-12);
+  const std::vector<std::string> rows =
+      Rows(Slurp(folder_ + "/out/stress.csv"));
+  const std::vector<std::string> last = Fields(rows.back());
+  EXPECT_NEAR(std::stod(last[2]), reached, 1e-9);
+  EXPECT_LT(reached, 0.5 * std::stod(last[3]));
+  EXPECT_GT(reached, 0.0);
+  ExpectRefused("shear", "--mode=stress", "--shear_stress=0 must be");
+  ExpectRefused("shear", "--shear_stress=1", "needs --mode=stress");
+  ExpectRefused("shear",
+                "--mode=stress --shear_stress=1e-3 --cycles=2",
+                "--cycles cannot go with");
+}
+
 TEST_F(Cli, ShearAveragesOverSeeds) {
   const std::string flags =
       "--seeds=1-3 --jobs=2 --particles=64 --increments=2e-3,1e-3 ";
@@ -1524,7 +1581,7 @@ TEST_F(Cli, ShearComparesMotionWithMinimization) {
 }
 
 TEST_F(Cli, ShearRefusesBadInput) {
-  ExpectRefused("shear", "--mode=round", "pure, simple, bulk or wall");
+  ExpectRefused("shear", "--mode=round", "bulk, wall or stress");
   ExpectRefused("shear", "--strain=0", "--strain=0");
   ExpectRefused("shear", "--strain=-2", "above -1");
   ExpectRefused("shear", "--increments=3e-3", "does not divide");
@@ -1535,7 +1592,6 @@ TEST_F(Cli, ShearRefusesBadInput) {
   ExpectRefused("shear", "--stabilize", "--pressure");
   ExpectRefused("shear", "--mode=wall --wall=soft", "rough or flat");
   ExpectRefused("shear", "--wall=flat", "--mode=wall");
-  ExpectRefused("shear", "--dynamics --resume", "--resume cannot go with");
   ExpectRefused("shear", "--seeds=1-2 --sizes=64", "--sizes");
   ExpectRefused("shear", "--cycles=-1", "--cycles");
   ExpectRefused("shear", "--solver=nonsense", "--solver");

@@ -203,10 +203,12 @@ TEST(Walls, RoughOnesKeepARelaxedPacking) {
     ASSERT_TRUE(MakeRoughWalls(thickness, &packing, &walls, &error)) << error;
     WallShearOptions options;
     options.solve.relative_tolerance = 1e-10;
-    WallShearResult result;
+    QuasistaticShearState state;
+    state.step = -1;
+    state.packing = packing;
+    Relaxation last_state;
     double normal = 0.0, imbalance = 1.0;
     ASSERT_TRUE(ShearBetweenWalls(
-        packing,
         walls,
         options,
         *MakeSolver("auto"),
@@ -215,30 +217,34 @@ TEST(Walls, RoughOnesKeepARelaxedPacking) {
           imbalance = step.imbalance;
           return true;
         },
-        &result,
+        &state,
+        &last_state,
         &error))
         << error;
-    EXPECT_EQ(result.last.summary.counters.iterations, 0);
+    EXPECT_EQ(last_state.summary.counters.iterations, 0);
     EXPECT_LE(imbalance, 1e-9);
     // sum over contacts of l_2 f = sum over wall grains of x_2 F.
     double virial[3] = {}, of_walls[3] = {};
-    for (const Contact& c : result.last.contacts) {
+    for (const Contact& c : last_state.contacts) {
       for (int k = 0; k < d; ++k) {
         virial[k] += c.distance * c.normal[1] * c.force * c.normal[k];
         for (const auto& [grain, sign] :
              {std::make_pair(c.id.i, 1.0), std::make_pair(c.id.j, -1.0)}) {
           if (walls.side[grain] == 0) continue;
           of_walls[k] += sign * c.force * c.normal[k] *
-                         result.last.packing.positions(1, grain);
+                         last_state.packing.positions(1, grain);
         }
       }
     }
+    const SmallMatrix measured =
+        last_state.observables.stress * walls.Volume();  // (10)
     for (int k = 0; k < d; ++k) {
       EXPECT_NEAR(virial[k], of_walls[k], 1e-9 * virial[1]) << k;
+      EXPECT_NEAR(virial[k], measured(1, k), 1e-12 * virial[1]) << k;
     }
     EXPECT_GT(normal, 0.0);
     const SmallMatrix stress =
-        result.last.observables.stress;  // of the cut packing
+        last_state.observables.stress;  // of the cut packing
     EXPECT_NEAR(normal / stress(1, 1), 1.0, 0.5);
   }
 }
@@ -257,11 +263,13 @@ TEST(Walls, WorkIsEnergyWhereNothingRearranges) {
     WallShearOptions options;
     options.solve.relative_tolerance = 1e-12;
     options.path = {1e-6, 2e-6, 1e-6, 0.0};
-    WallShearResult result;
+    QuasistaticShearState state;
+    state.step = -1;
+    state.packing = packing;
+    Relaxation last_state;
     double first = 0.0, most = 0.0, last = 0.0;
     std::vector<double> shear;
     ASSERT_TRUE(ShearBetweenWalls(
-        packing,
         walls,
         options,
         *MakeSolver("auto"),
@@ -276,10 +284,11 @@ TEST(Walls, WorkIsEnergyWhereNothingRearranges) {
           }
           return true;
         },
-        &result,
+        &state,
+        &last_state,
         &error))
         << error;
-    EXPECT_EQ(result.gave_up, 0);
+    EXPECT_EQ(state.gave_up, 0);
     EXPECT_NEAR(last, first, 2e-4 * most) << rough;
     EXPECT_GT(shear[2], shear[0]) << rough;  // it resists
     EXPECT_NEAR(shear[4], shear[0], 1e-5 * (shear[2] - shear[0]));
