@@ -3973,7 +3973,8 @@ def WallsFigure(arguments):
 
 
 def StressFigure(arguments):
-  table = ReadTable(arguments.table, ("strain", "shear_stress", "phi", "pressure"))
+  table = ReadTable(arguments.table, ("strain", "shear_stress", "phi", "pressure",
+                                      "coordination"))
   if not len(table["strain"]):
     raise InputError("%s: no rows" % arguments.table)
   figure, axes = plt.subplots(
@@ -3987,20 +3988,22 @@ def StressFigure(arguments):
     ax.axhline(arguments.yields / unit, color=VERMILION, linestyle=(0, (5, 3)))
   ax.set_xlabel(STRAIN_LABELS["simple"])
   ax.set_ylabel(r"shear stress  $-\sigma_{12}$" + power)
-  for ax, name, label in (
-      (axes[1], "pressure", "pressure  $p$"),
-      (axes[2], "phi", r"packing fraction  $\varphi$")):
-    values, unit_y, power_y = table[name], 1.0, ""
-    if name == "pressure":
-      unit_y, power_y = TimesTen(values)
-    ax.plot(table["shear_stress"] / unit, values / unit_y, "o-", color=BLUE,
-            markersize=4)
+  # What is held constant has nothing to show.
+  at_pressure = np.ptp(table["pressure"]) < 1e-6 * table["pressure"].max()
+  if at_pressure:
+    values, label = table["phi"], r"packing fraction  $\varphi$"
+  else:
+    scale, power_y = TimesTen(table["pressure"])
+    values, label = table["pressure"] / scale, "pressure  $p$" + power_y
+  for ax, y, name in ((axes[1], values, label),
+                      (axes[2], table["coordination"], "contacts a grain  $z$")):
+    ax.plot(table["shear_stress"] / unit, y, "o-", color=BLUE, markersize=4)
     ax.set_xlabel(r"shear stress  $-\sigma_{12}$" + power)
-    ax.set_ylabel(label + power_y)
+    ax.set_ylabel(name)
     ax.ticklabel_format(axis="y", useOffset=False)
   FinishPanels(axes)
-  Help(figure, "Minima over grains and cell at given shear stress"
-       + ("; dashed: no state was found above." if arguments.yields else "."))
+  Help(figure, "Minima over grains and cell at given shear stress, at constant "
+       + ("pressure" if at_pressure else "volume") + ("; dashed: no state was found above." if arguments.yields else "."))
   return figure
 
 
