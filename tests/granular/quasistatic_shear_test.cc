@@ -243,6 +243,7 @@ TEST(LeesEdwards, FoldingKeepsEveryContactAndForce) {
   std::vector<Case> cases = {{ReadData("n1024_a2_p1e-08.xyz"), 0.6},
                              {ReadData("n1024_a2_p1e-08.xyz"), -7.3},
                              {ReadData("n1024_a2_p1e-04.xyz"), 1000.25},
+                             {ReadData("n1024_a2_p1e-08.xyz"), 1000.25},
                              {RandomPacking(3, 64, 0.75, 5), 0.8}};
   for (Case& c : cases) {
     Packing skewed = c.packing;
