@@ -267,8 +267,13 @@ bool Output::Plot(const std::vector<std::string>& arguments,
     std::vector<char*> argv;
     for (std::string& word : words) argv.push_back(word.data());
     argv.push_back(nullptr);
-    // Debian's own interpreter is the one that has Debian's matplotlib.
-    execv("/usr/bin/python3", argv.data());
+    // Debian's own interpreter is the one that has Debian's matplotlib. It
+    // finds its library by its name, which must not be found in PATH as
+    // another.
+    char debian[] = "/usr/bin/python3";
+    argv[0] = debian;
+    execv(debian, argv.data());
+    argv[0] = words[0].data();
     execvp("python3", argv.data());
     _exit(127);
   }
