@@ -515,7 +515,7 @@ int Main() {
 int main(int argc, char** argv) {
   granopt::ParseFlags(&argc,
                       &argv,
-                      "extremes: one extreme at a time with every method: does "
+                      "one extreme at a time with every method: does "
                       "it pass, is it worse, does it refuse, is anything "
                       "claimed that is not so");
   granopt::ListSolversIfAsked();

@@ -566,10 +566,9 @@ int Main() {
 }  // namespace granopt
 
 int main(int argc, char** argv) {
-  granopt::ParseFlags(
-      &argc,
-      &argv,
-      "fidelity: what each ingredient of a model costs and what "
-      "leaving it out does to the answer");
+  granopt::ParseFlags(&argc,
+                      &argv,
+                      "what each ingredient of a model costs and what "
+                      "leaving it out does to the answer");
   return granopt::Main();
 }

@@ -22,6 +22,7 @@
 #include "Eigen/Core"
 #include "ceres/version.h"
 #include "experiments/build_info.h"
+#include "experiments/help.h"
 #include "generated/git_revision.h"
 #include "glog/logging.h"
 #include "granular/atomic_file.h"
@@ -52,33 +53,6 @@ std::vector<std::string>* CommandLine() {
 }
 
 // The flags that the binary and this file define, not those of glog and gflags.
-std::vector<gflags::CommandLineFlagInfo> OwnFlags() {
-  std::vector<gflags::CommandLineFlagInfo> all, own;
-  gflags::GetAllFlags(&all);
-  for (const auto& flag : all) {
-    if (flag.filename.find("experiments/") != std::string::npos) {
-      own.push_back(flag);
-    }
-  }
-  return own;
-}
-
-void PrintHelp(const char* purpose) {
-  std::printf("%s: %s\n\n", BinaryName()->c_str(), purpose);
-  for (const auto& flag : OwnFlags()) {
-    const std::string text =
-        "--" + flag.name +
-        (flag.type == "bool" ? ""
-         : flag.type == "double"
-             ? Format("=%g", std::strtod(flag.default_value.c_str(), nullptr))
-             : "=" + flag.default_value);
-    std::printf("  %-34s %s\n", text.c_str(), flag.description.c_str());
-  }
-  std::printf(
-      "\nExit status: 0 done, 1 did not converge (results are written all the "
-      "same),\n2 bad input or usage (nothing is written).\n");
-}
-
 std::string FirstLineWith(const char* path, const char* prefix) {
   std::ifstream file(path);
   for (std::string line; std::getline(file, line);) {
@@ -151,7 +125,7 @@ void ParseFlags(int* argc, char*** argv, const char* purpose) {
   for (int a = 1; a < *argc; ++a) {
     const std::string word = (*argv)[a];
     if (word.rfind("--help", 0) == 0 || word == "-help" || word == "-h") {
-      PrintHelp(purpose);
+      std::printf("%s", HelpText(*BinaryName(), purpose).c_str());
       std::exit(kConverged);
     }
     if (word == "--version") {

@@ -600,7 +600,7 @@ int main(int argc, char** argv) {
   granopt::ParseFlags(
       &argc,
       &argv,
-      "scaling: pressure, moduli and coordination against the distance from "
+      "pressure, moduli and coordination against the distance from "
       "jamming (Wang & Zhang, sec. 4.2, Figs 4-6)");
   granopt::ListSolversIfAsked();
   return granopt::Main();

@@ -824,7 +824,7 @@ int Main() {
 int main(int argc, char** argv) {
   granopt::ParseFlags(&argc,
                       &argv,
-                      "tradeoff: what accuracy costs, in what users want; "
+                      "what accuracy costs, in what users want; "
                       "--recommend: the cheapest setting for an accuracy");
   granopt::ListSolversIfAsked();
   return granopt::Main();

@@ -252,8 +252,12 @@ def main():
   if not options.smoke:
     print("%d of %d claims agree; the page says why the others differ"
           % (sum(claim.agrees for claim in judged), len(judged)))
+  waiting = [run.study.key for run in runs if "status" not in run.record]
   for result in failed:
-    print("%-16s %s" % (result.study.key, result.failure))
+    if result.study.key not in waiting:
+      print("%-16s %s" % (result.study.key, result.failure))
+  if waiting:
+    print("not run yet: " + ", ".join(waiting))
   if stopped:
     print("stopped as asked: the same command goes on")
   print("%s (%s; %.1f MB, opens without a network)"
