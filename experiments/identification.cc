@@ -179,6 +179,7 @@ Misfit ComputeMisfit(const EnergyCurve& curve,
     sum += weights.relative * misfit.relative;
   }
   misfit.value = sum / (weights.total + weights.bulk + weights.relative);
+  if (!std::isfinite(misfit.value)) misfit.value = kInfinity;
   return misfit;
 }
 
@@ -240,6 +241,11 @@ double ConfidenceFactor(int n) {
          (1.0 + (z2 + 1.0) / (4.0 * v) +
           ((5.0 * z2 + 16.0) * z2 + 3.0) / (96.0 * v * v) +
           (((3.0 * z2 + 19.0) * z2 + 17.0) * z2 - 15.0) / (384.0 * v * v * v));
+}
+
+bool AreEqual(double difference, double error, int n) {
+  return std::isfinite(difference) &&
+         std::fabs(difference) <= ConfidenceFactor(n) * error;
 }
 
 bool ParseSearched(const std::string& text,

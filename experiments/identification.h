@@ -101,6 +101,9 @@ void PairedDifference(const std::vector<double>& a,
 // (Student's t, to 1 % for n >= 5).
 double ConfidenceFactor(int n);
 
+// True if n values do not tell the mean of a difference from 0, on either side.
+bool AreEqual(double difference, double error, int n);
+
 // A parameter that is searched: a flag of a flow and its bounds.
 struct SearchedFlag {
   std::string name;

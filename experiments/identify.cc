@@ -61,6 +61,11 @@ DEFINE_string(ensemble,
               "least 2, honest: at least 5");
 DEFINE_double(ensemble_tolerance, 0.01, "TOL of two means in a row");
 DEFINE_int32(most_runs, 100, "starts of a string at most");
+DEFINE_int32(most_steps,
+             0,
+             "time steps of a flow at most, 0: 100 duration / dt; where grains "
+             "fall into each other steps shrink without end, and the string "
+             "has no value");
 DEFINE_int32(winners, 24, "strings that are tried again on fresh starts");
 DEFINE_int32(fresh, 60, "those starts, the same for all of them");
 DEFINE_bool(gradient, false, "go on from the best by Ceres (see README)");
@@ -78,7 +83,10 @@ DEFINE_bool(recovery,
             "find the first string of Table 1 again from what it does");
 DEFINE_bool(paper, false, "sec. 8.2: Fig. 7, Table 1, Fig. 8, and all above");
 // ---- where
-DEFINE_int32(threads, 1, "results are the same bits on any number");
+DEFINE_int32(threads,
+             1,
+             "results are the same bits on any number (--stepper=minimize: one "
+             "flow at a time all the same)");
 DEFINE_bool(resume,
             false,
             "go on with an interrupted run in --out; ends in the same bits");
@@ -86,7 +94,10 @@ DEFINE_bool(external,
             false,
             "evaluate nothing: write OUT/strings.csv for --worker, take "
             "OUT/values_*.csv, exit with 1 until all is there");
-DEFINE_bool(worker, false, "evaluate --strings, write OUT/values_*.csv");
+DEFINE_bool(worker,
+            false,
+            "evaluate a share of --strings, write OUT/values_LIST_k_of_n.csv; "
+            "LIST is the CRC-32 of --strings: lists have files of their own");
 DEFINE_string(strings, "", "strings.csv of --external");
 DEFINE_string(share, "1/1", "k/n: of --strings the k-th of every n");
 
@@ -97,6 +108,7 @@ using Strings = std::vector<std::vector<double>>;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kGrid = 101;  // times of curves that are written
+constexpr std::int64_t kUnlimited = std::numeric_limits<std::int64_t>::max();
 
 // Streams of starts.
 enum Stream { kSearch = 1, kFresh, kConfirm, kGradient, kProfile, kRecover };
@@ -176,7 +188,8 @@ bool Compose(const Task& task,
   return made;
 }
 
-// The energies of a run; false, and what there is of them, if it failed.
+// The energies of a run; false, and what there is of them, if it failed, had
+// more than --most_steps or was asked to stop.
 bool RunCurve(FlowCase* flow,
               Stepper* stepper,
               double duration,
@@ -192,16 +205,26 @@ bool RunCurve(FlowCase* flow,
     curve->relative.push_back(k.relative / m);
   };
   add(flow->state);
-  return RunFlow(
+  // Methods of other packages (PETSc, and Ceres' log) keep things of the whole
+  // process.
+  std::unique_lock<std::mutex> lock(compose_mutex, std::defer_lock);
+  if (FLAGS_stepper == "minimize") lock.lock();
+  const double most =
+      FLAGS_most_steps > 0 ? FLAGS_most_steps : 100.0 * duration / FLAGS_dt;
+  int steps = 0;
+  bool cut = false;
+  const bool ran = RunFlow(
       scene,
       duration,
       stepper,
       [&](const FlowState& state, const StepReport&) {
         add(state);
-        return true;
+        cut = ++steps > most || StopRequested();
+        return !cut;
       },
       &flow->state,
       error);
+  return ran && !cut;
 }
 
 // P of one start; +infinity where the flow fails.
@@ -239,8 +262,8 @@ void Spread(int count,
   for (std::thread& thread : threads) thread.join();
 }
 
-// Ensembles of the strings, of which the first has the number `index`. False if
-// the run was asked to stop.
+// Ensembles of the strings, which have the numbers `indices` in their stage.
+// What they hold already is kept. False if the run was asked to stop.
 bool RunEnsembles(const Task& task,
                   const std::vector<std::int64_t>& indices,
                   const EnsembleRule& rule,
@@ -326,10 +349,15 @@ class Record {
     if (halted_) return false;
     Stage& stage = stages_[name];
     const std::size_t first = stage.next, end = first + strings.size();
-    if (stage.done.size() < end) {
+    // In pieces, so that a stop loses no more than one. Workers are told all.
+    const std::size_t piece =
+        FLAGS_external ? strings.size()
+                       : static_cast<std::size_t>(std::max(8, FLAGS_threads));
+    while (stage.done.size() < end) {
       std::vector<Ensemble> more;
       std::vector<std::int64_t> indices;
-      for (std::size_t s = stage.done.size(); s < end; ++s) {
+      for (std::size_t s = stage.done.size(); s < end && more.size() < piece;
+           ++s) {
         more.push_back({strings[s - first], {}});
         indices.push_back(static_cast<std::int64_t>(s));
       }
@@ -406,7 +434,7 @@ class Record {
         Format("%s: %zu strings and %lld runs done%s; run %d of %d for the "
                "next %d",
                name.c_str(),
-               stage.next,
+               stage.done.size(),
                static_cast<long long>(stage.runs),
                std::isfinite(best) ? Format(", best P %.4f", best).c_str() : "",
                run,
@@ -504,6 +532,7 @@ struct SearchOutcome {
   std::int64_t runs = 0;
 };
 
+// Lists are begun as long as there were fewer than `run_budget` runs.
 SearchOutcome RunSearch(Record* record,
                         const std::string& stage,
                         const Task& task,
@@ -525,7 +554,7 @@ SearchOutcome RunSearch(Record* record,
   problem.seed = seed;
   problem.budget = budget;
   problem.objective = [&](const Strings& strings, std::vector<double>* values) {
-    if (run_budget > 0 && record->stage(stage).runs >= run_budget) return false;
+    if (record->stage(stage).runs >= run_budget) return false;
     std::vector<Ensemble> ensembles;
     if (!record->Evaluate(stage, task, rule, strings, &ensembles)) return false;
     values->clear();
@@ -562,7 +591,7 @@ struct Candidate {
   double reported = NAN;  // P of the search, or of the paper
   Ensemble fresh;
   double difference = 0.0, difference_error = 0.0;  // to the best one
-  bool is_equal = false;  // not told from the best: within two errors
+  bool is_equal = false;                            // not told from the best
 };
 
 struct Identification {
@@ -589,8 +618,15 @@ bool Identify(Record* record,
               Identification* id) {
   const double cpu = CpuSeconds();
   const std::string stage = prefix + "search";
-  id->search = RunSearch(
-      record, stage, task, FLAGS_method, rule, FLAGS_seed, FLAGS_budget, 0, {});
+  id->search = RunSearch(record,
+                         stage,
+                         task,
+                         FLAGS_method,
+                         rule,
+                         FLAGS_seed,
+                         FLAGS_budget,
+                         kUnlimited,
+                         {});
   if (record->halted()) return false;
   // The best strings, and those that were the best for a while.
   const std::vector<Ensemble>& done = record->stage(stage).done;
@@ -631,7 +667,7 @@ bool Identify(Record* record,
                   Fixed(FLAGS_gradient_runs, kGradient),
                   FLAGS_seed,
                   FLAGS_gradient_budget,
-                  0,
+                  kUnlimited,
                   id->search.result.best);
     if (record->halted()) return false;
     add("gradient", gradient.result.best, gradient.result.value);
@@ -663,8 +699,9 @@ bool Identify(Record* record,
   for (Candidate& c : id->candidates) {
     PairedDifference(
         c.fresh.values, best.fresh.values, &c.difference, &c.difference_error);
-    c.is_equal = std::isfinite(c.fresh.mean()) &&
-                 c.difference <= 2.0 * c.difference_error;
+    c.is_equal = AreEqual(c.difference,
+                          c.difference_error,
+                          static_cast<int>(best.fresh.values.size()));
     if (c.is_equal && IsOwn(c)) equal.push_back(c.string);
   }
   id->equal = static_cast<int>(equal.size());
@@ -931,16 +968,17 @@ bool RunAlternatives(Record* record,
       EnsembleRule rule = SearchRule(false);
       // Repeats are searches of their own.
       rule.stream = 100u + 10u * (&method - kAlternatives) + r;
-      const SearchOutcome outcome =
-          RunSearch(record,
-                    stage,
-                    task,
-                    spec,
-                    rule,
-                    seed,
-                    0,
-                    method.ends_with_gradient ? budget * 6 / 10 : budget,
-                    {});
+      const SearchOutcome outcome = RunSearch(
+          record,
+          stage,
+          task,
+          spec,
+          rule,
+          seed,
+          0,
+          method.ends_with_gradient ? std::max<std::int64_t>(1, budget * 6 / 10)
+                                    : budget,
+          {});
       if (record->halted()) return false;
       AlternativeRun run = {&method,
                             r,
@@ -949,7 +987,8 @@ bool RunAlternatives(Record* record,
                             outcome.result.value,
                             outcome.result.best,
                             {}};
-      if (method.ends_with_gradient) {
+      // Its last list may have used up what was left for gradients.
+      if (method.ends_with_gradient && outcome.runs < budget) {
         EnsembleRule common = Fixed(FLAGS_gradient_runs, kGradient);
         common.stream = 200u + r;
         const SearchOutcome gradient = RunSearch(record,
@@ -964,8 +1003,10 @@ bool RunAlternatives(Record* record,
         if (record->halted()) return false;
         run.strings += gradient.result.strings;
         run.runs += gradient.runs;
-        run.reported = gradient.result.value;
-        run.best = gradient.result.best;
+        if (std::isfinite(gradient.result.value)) {
+          run.reported = gradient.result.value;
+          run.best = gradient.result.best;
+        }
       }
       strings.push_back(run.best);
       all->push_back(run);
@@ -1072,7 +1113,7 @@ std::string ResponseCsv(const Response& response, const EnergyCurve& target) {
       csv += Format(",%.17g,%.17g,%.17g,%.17g",
                     m.mean,
                     m.deviation,
-                    values[0],
+                    values.empty() ? NAN : values[0],
                     Interpolate(target.time, target.*part, response.time[t]));
     }
     csv += "\n";
@@ -1098,7 +1139,9 @@ Json Setup(const Task& task) {
                                      "profile",
                                      "alternatives",
                                      "recovery",
-                                     "target"};
+                                     // Their text instead.
+                                     "target",
+                                     "input"};
   Json setup = Json::object();
   std::vector<gflags::CommandLineFlagInfo> all;
   gflags::GetAllFlags(&all);
@@ -1109,6 +1152,12 @@ Json Setup(const Task& task) {
     }
   }
   setup["target"] = Crc32(FormatCurve(task.target));
+  setup["input"] = nullptr;
+  if (!FLAGS_input.empty()) {
+    std::string text, error;
+    if (!ReadFile(FLAGS_input, &text, &error)) BadInput("--input: " + error);
+    setup["input"] = Crc32(text);
+  }
   return setup;
 }
 
@@ -1189,6 +1238,7 @@ Task MakeTask() {
 void CheckFlags() {
   CheckRange("budget", FLAGS_budget, 0, 1e9);
   CheckRange("most_runs", FLAGS_most_runs, 2, 1e6);
+  CheckRange("most_steps", FLAGS_most_steps, 0, 2e9);
   CheckRange("ensemble_tolerance", FLAGS_ensemble_tolerance, 0.0, 1.0);
   CheckRange("winners", FLAGS_winners, 1, 100000);
   CheckRange("fresh", FLAGS_fresh, 2, 1e6);
@@ -1309,14 +1359,19 @@ int RunWorker() {
     if (number % parts == part - 1) rows.push_back(row);
   }
   if (!csv.error().empty()) BadInput("--strings: " + csv.error());
-  const std::string name = Format("values_%d_of_%d.csv", part, parts);
-  const std::string about = Format("worker_%d_of_%d.json", part, parts);
+  // Each list has files of its own: a share of this one must not take the place
+  // of what others have found for those before.
+  const std::string list = Format("%08x_%d_of_%d", Crc32(text), part, parts);
+  const std::string name = "values_" + list + ".csv";
+  const std::string about = "worker_" + list + ".json";
   Output output;
   output.Create(FLAGS_out, {name, about});
   CatchStopSignals();
   std::string values = "setup,stage,index,run,P\n";
   Progress progress;
   std::int64_t runs = 0;
+  std::size_t done = 0;
+  bool stopped = false;
   for (std::size_t k = 0; k < rows.size(); ++k) {
     Row& row = rows[k];
     std::vector<Ensemble> one = {row.ensemble};
@@ -1325,8 +1380,8 @@ int RunWorker() {
             progress.Show(Format("string %zu of %zu", k + 1, rows.size()));
           }
         })) {
-      std::printf("stopped as asked: nothing is written\n");
-      return kNotConverged;
+      stopped = true;
+      break;
     }
     for (std::size_t r = 0; r < one[0].values.size(); ++r) {
       values += Format("%u,%s,%lld,%zu,%.17g\n",
@@ -1337,14 +1392,22 @@ int RunWorker() {
                        one[0].values[r]);
     }
     runs += one[0].values.size();
+    ++done;
   }
   progress.Clear();
   output.Write(name, values);
   output.WriteJson(about,
                    {{"schema", "granopt/identify_worker/1"},
-                    {"strings", rows.size()},
+                    {"strings", done},
                     {"runs", runs},
                     {"provenance", Provenance()}});
+  if (stopped) {
+    std::printf("stopped as asked, after %zu of %zu strings; they are in %s\n",
+                done,
+                rows.size(),
+                output.Path(name).c_str());
+    return kNotConverged;
+  }
   std::printf("identify  share %d of %d: %zu strings, %lld runs, in %s\n",
               part,
               parts,
@@ -1442,20 +1505,17 @@ int RunIdentify() {
                       task.flags.size()));
     }
   }
-  const Json setup = Setup(task);
+  CatchStopSignals();
   const auto make_known_target = [&](const std::vector<double>& values) {
     const Response response =
         RunResponse(task, values, FLAGS_smoke ? 5 : 20, kRecover);
-    if (response.failed > 0) {
+    if (response.failed > 0 && !StopRequested()) {
       BadInput(Format("the parameters to recover fail on %d of %zu starts",
                       response.failed,
                       response.failed + response.curves.size()));
     }
-    return MeanCurve(response);
+    return StopRequested() ? EnergyCurve() : MeanCurve(response);
   };
-  if (!known.empty()) task.target = make_known_target(known);
-  const Checkpoint checkpoint(CheckpointPath(), setup);
-  Record record(&checkpoint, Crc32(setup.dump()));
   std::string searched;
   for (const SearchedFlag& flag : task.flags) {
     searched += Format("%s%s in [%g, %g]",
@@ -1476,6 +1536,13 @@ int RunIdentify() {
     std::printf("          target: T, T_b, T_r = %s J/kg at all times\n",
                 FLAGS_target_energies.c_str());
   }
+  std::fflush(stdout);
+  // The known values are in the set-up themselves.
+  const Json setup = Setup(task);
+  if (!known.empty()) task.target = make_known_target(known);
+  const Checkpoint checkpoint(CheckpointPath(), setup);
+  Record record(&checkpoint, Crc32(setup.dump()));
+  if (StopRequested()) return Leave(&record);
   const EnsembleRule rule = SearchRule(FLAGS_ensemble == "paper");
   std::printf(
       "          %s; at least %d starts a string, until two means in a "
@@ -1516,7 +1583,6 @@ int RunIdentify() {
   if (!goes_on) names.insert(names.end(), kept.begin(), kept.end());
   Output output;
   output.Create(FLAGS_out, names, kept);
-  CatchStopSignals();
   const double cpu = CpuSeconds();
 
   std::vector<Candidate> others;
@@ -1549,6 +1615,10 @@ int RunIdentify() {
   const std::vector<double> first(kTable1[0].string, kTable1[0].string + 4);
   if (FLAGS_recovery) {
     recovery_task.target = make_known_target(first);
+    if (StopRequested()) {
+      record.Save();
+      return Leave(&record);
+    }
     Candidate c;
     c.origin = "known";
     c.string = first;
@@ -1610,7 +1680,8 @@ int RunIdentify() {
     csv += ",P,error,best,best_error\n";
     // The best one on as many of the same starts.
     Ensemble base = best.fresh;
-    base.values.resize(profile[0].check.values.size());
+    base.values.resize(
+        std::min<std::size_t>(base.values.size(), std::min(FLAGS_fresh, 20)));
     std::printf(
         "\n  profile: the least P with one parameter fixed, %zu "
         "starts; in brackets 95 %% in the last digit; the best: %.3f\n",

@@ -48,7 +48,13 @@ TEST(Identification, MisfitIsTheWeightedSumOfItsParts) {
               0.7 / 3.0,
               1e-14);
   EXPECT_EQ(ComputeMisfit(target, target, {1.0, 1.0, 1.0}, 2.0).value, 0.0);
-  // A flow that ended too early.
+  // A flow without a value, as one that ended too early.
+  EXPECT_EQ(ComputeMisfit({{0.0, 2.0}, {1.0, NAN}, {0.5, 0.5}, {0.5, 0.5}},
+                          target,
+                          {1.0, 1.0, 1.0},
+                          2.0)
+                .value,
+            kInfinity);
   EXPECT_EQ(ComputeMisfit(curve, target, {1.0, 1.0, 1.0}, 2.5).value,
             kInfinity);
 }
@@ -104,6 +110,17 @@ TEST(Identification, MeansAndTheirErrors) {
   EXPECT_NEAR(ConfidenceFactor(5), 2.776, 0.03);
   EXPECT_NEAR(ConfidenceFactor(10), 2.262, 0.003);
   EXPECT_NEAR(ConfidenceFactor(60), 2.001, 0.001);
+}
+
+// Ten values of deviation 1 about 0.7: t = 2.21 < 2.26. Both signs are alike.
+TEST(Identification, EqualIsWhatTheErrorDoesNotTell) {
+  const double error = 1.0 / std::sqrt(10.0);
+  EXPECT_TRUE(AreEqual(0.7, error, 10));
+  EXPECT_TRUE(AreEqual(-0.7, error, 10));
+  EXPECT_FALSE(AreEqual(0.73, error, 10));
+  EXPECT_FALSE(AreEqual(-0.73, error, 10));
+  EXPECT_TRUE(AreEqual(0.0, 0.0, 10));
+  EXPECT_FALSE(AreEqual(kInfinity, kInfinity, 1));
 }
 
 TEST(Identification, SearchedFlagsAreParsed) {
