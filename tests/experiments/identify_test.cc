@@ -189,6 +189,37 @@ TEST_F(Identify, StepsOfAFlowHaveALimit) {
   EXPECT_NE(run.err.find("every flow failed"), std::string::npos) << run.err;
 }
 
+// A target with errors: only their ratios matter, and the distance from it is
+// told in them.
+TEST_F(Identify, TargetsMayHaveErrors) {
+  const std::string signal =
+      "time,T,T_b,T_r,T_error,T_b_error,T_r_error\n0,1,0.5,0.5,";
+  std::ofstream(folder_ + "/one.csv")
+      << signal << "0.1,0.1,0.1\n0.2,1,0.5,0.5,0.1,0.05,0.2\n";
+  std::ofstream(folder_ + "/two.csv")
+      << signal << "0.2,0.2,0.2\n0.2,1,0.5,0.5,0.2,0.1,0.4\n";
+  std::ofstream(folder_ + "/none.csv")
+      << "time,T,T_b,T_r\n0,1,0.5,0.5\n0.2,1,0.5,0.5\n";
+  for (const char* name : {"one", "two", "none"}) {
+    const Outcome run =
+        Do("--method=random_search:strings=8 --target=" + std::string(name) +
+           ".csv --out=" + name);
+    ASSERT_EQ(run.status, 0) << run.err;
+    EXPECT_EQ(run.out.find("in its errors") != std::string::npos,
+              name != std::string("none"));
+  }
+  ExpectSame("one", "two");
+  EXPECT_NE(Slurp(folder_ + "/one/fresh.csv"),
+            Slurp(folder_ + "/none/fresh.csv"));
+  const Json one = Summary("one").at("best").at("errors_of_target");
+  const Json two = Summary("two").at("best").at("errors_of_target");
+  for (const char* energy : {"T", "T_b", "T_r"}) {
+    EXPECT_GT(one.at(energy).get<double>(), 0.0);
+    EXPECT_EQ(one.at(energy).get<double>(), 2.0 * two.at(energy).get<double>());
+  }
+  EXPECT_FALSE(Summary("none").at("best").contains("errors_of_target"));
+}
+
 // The first value that a profile holds is no flow (mu_s < mu_d); the best is
 // compared on as many starts as if it were.
 TEST_F(Identify, ProfilesMayBeginWithAFailure) {
