@@ -1,10 +1,11 @@
-# `cmake --install`: both libraries with their headers, as the CMake package granopt
-# (targets granopt::solvers and granopt::granular) and as the pkg-config packages
-# granopt-solvers and granopt-granular. What is installed can be moved.
+# `cmake --install`: the libraries with their headers, as the CMake package granopt
+# (targets granopt::solvers, granopt::searches and granopt::granular) and as the
+# pkg-config packages granopt-solvers, granopt-searches and granopt-granular. What is
+# installed can be moved.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
-install(TARGETS solvers granular EXPORT granoptTargets
+install(TARGETS solvers searches granular EXPORT granoptTargets
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
   LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}
   RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
@@ -53,7 +54,7 @@ function(granopt_pkg_config pc_name pc_description pc_requires libs hidden publi
   install(FILES ${CMAKE_CURRENT_BINARY_DIR}/${pc_name}.pc
           DESTINATION ${granopt_pc_dir})
 endfunction()
-set(hidden ${optional_all_pkg_config} -lglog)
+set(hidden ${solvers_optional_pkg_config} -lglog)
 list(PREPEND hidden -lamd)
 if(OpenMP_CXX_FOUND)
   list(TRANSFORM OpenMP_CXX_LIB_NAMES PREPEND -l OUTPUT_VARIABLE openmp)
@@ -68,6 +69,10 @@ granopt_pkg_config(granopt-solvers
   "Optimization methods behind one interface, built on Ceres"
   "eigen3 >= 3.4" "-lgranopt_solvers" "${hidden}" "-lceres"
   "-lglog;-lgflags;-lspqr;-lcholmod;-lcxsparse;-llapack;-lblas;-lpthread")
+granopt_pkg_config(granopt-searches
+  "Least values of objectives without derivatives, by name"
+  "granopt-solvers = ${PROJECT_VERSION}" "-lgranopt_searches"
+  "${searches_optional_pkg_config};-lglog" "-lceres" "")
 granopt_pkg_config(granopt-granular
   "${PROJECT_DESCRIPTION}"
   "granopt-solvers = ${PROJECT_VERSION}" "-lgranopt_granular" "-lquadmath" "" "")

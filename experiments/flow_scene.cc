@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "experiments/run.h"
+#include "experiments/tabular.h"
 #include "granular/packing_io.h"
 #include "solvers/registry.h"
 
@@ -106,13 +107,11 @@ namespace granopt {
 namespace {
 
 void ReadVector(const char* flag, const std::string& text, double* v) {
-  int used = 0;
-  if (std::sscanf(text.c_str(), "%lf,%lf,%lf%n", &v[0], &v[1], &v[2], &used) !=
-          3 ||
-      used != static_cast<int>(text.size()) || !std::isfinite(v[0]) ||
-      !std::isfinite(v[1]) || !std::isfinite(v[2])) {
+  std::vector<double> values;
+  if (!ParseNumbers(text, &values) || values.size() != 3) {
     BadInput(Format("--%s=%s must be three numbers x,y,z", flag, text.c_str()));
   }
+  std::copy(values.begin(), values.end(), v);
 }
 
 RadialLaw MakeLaw() {
@@ -331,12 +330,8 @@ bool MakeCase(FlowCase* made, std::string* relaxed, std::string* error) {
   if (!FLAGS_relax_overlaps) return true;
   const std::unique_ptr<Solver> solver = CreateSolver(FLAGS_solver, error);
   if (solver == nullptr) BadInput("--solver: " + *error);
-  return RelaxOverlaps(options.grains,
-                       options.domain,
-                       *solver,
-                       &flow.state,
-                       relaxed,
-                       error);
+  return RelaxOverlaps(
+      options.grains, options.domain, *solver, &flow.state, relaxed, error);
 }
 
 std::string Frame(const FlowScene& scene, const FlowState& state, int digits) {

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "Eigen/Eigenvalues"
+#include "experiments/statistics.h"
 #include "experiments/tabular.h"
 #include "granular/atomic_file.h"
 #include "granular/packing_io.h"
@@ -25,13 +26,6 @@ std::uint64_t Mix(std::uint64_t z) {
 
 }  // namespace
 
-EnergyCurve ConstantTarget(double total,
-                           double bulk,
-                           double relative,
-                           double duration) {
-  return {{0.0, duration}, {total, total}, {bulk, bulk}, {relative, relative}};
-}
-
 bool ReadTarget(const std::string& path,
                 double duration,
                 const MisfitWeights& weights,
@@ -45,10 +39,30 @@ bool ReadTarget(const std::string& path,
     const char* name;
     double weight;
     std::vector<double>* to;
+    const char* error_name;
+    std::vector<double>* error_to;
   };
-  const Column columns[] = {{"T", weights.total, &target->total},
-                            {"T_b", weights.bulk, &target->bulk},
-                            {"T_r", weights.relative, &target->relative}};
+  const Column columns[] = {
+      {"T", weights.total, &target->total, "T_error", &target->total_error},
+      {"T_b", weights.bulk, &target->bulk, "T_b_error", &target->bulk_error},
+      {"T_r",
+       weights.relative,
+       &target->relative,
+       "T_r_error",
+       &target->relative_error}};
+  bool has_errors = false;
+  for (const Column& column : columns) {
+    has_errors = has_errors || csv.Has(column.error_name);
+  }
+  for (const Column& column : columns) {
+    if (has_errors && column.weight > 0.0 && !csv.Has(column.error_name)) {
+      return Fail(Format("%s:1: no column %s: errors are given of all energies "
+                         "with a weight, or of none",
+                         path.c_str(),
+                         column.error_name),
+                  error);
+    }
+  }
   while (csv.Row() && csv.error().empty()) {
     double time = 0.0;
     csv.Read("time", &time);
@@ -72,6 +86,15 @@ bool ReadTarget(const std::string& path,
         }
       }
       column.to->push_back(value);
+      if (!csv.Has(column.error_name)) continue;
+      double deviation = 0.0;
+      csv.Read(column.error_name, &deviation);
+      if (csv.error().empty() &&
+          !(std::isfinite(deviation) && deviation > 0.0)) {
+        csv.Complain(
+            Format("%s = %g must be positive", column.error_name, deviation));
+      }
+      column.error_to->push_back(deviation);
     }
   }
   if (!csv.error().empty()) return Fail(csv.error(), error);
@@ -101,85 +124,29 @@ bool ReadTarget(const std::string& path,
 }
 
 std::string FormatCurve(const EnergyCurve& curve) {
-  std::string text = "time,T,T_b,T_r\n";
+  const struct {
+    const char* name;
+    const std::vector<double>* values;
+  } errors[] = {{"T_error", &curve.total_error},
+                {"T_b_error", &curve.bulk_error},
+                {"T_r_error", &curve.relative_error}};
+  std::string text = "time,T,T_b,T_r";
+  for (const auto& column : errors) {
+    if (!column.values->empty()) text += std::string(",") + column.name;
+  }
+  text += "\n";
   for (std::size_t k = 0; k < curve.time.size(); ++k) {
-    text += Format("%.17g,%.17g,%.17g,%.17g\n",
+    text += Format("%.17g,%.17g,%.17g,%.17g",
                    curve.time[k],
                    curve.total[k],
                    curve.bulk[k],
                    curve.relative[k]);
+    for (const auto& column : errors) {
+      if (!column.values->empty()) text += "," + Number((*column.values)[k]);
+    }
+    text += "\n";
   }
   return text;
-}
-
-double Interpolate(const std::vector<double>& time,
-                   const std::vector<double>& y,
-                   double at) {
-  const std::size_t after =
-      std::upper_bound(time.begin(), time.end(), at) - time.begin();
-  if (after == 0) return y.front();
-  if (after == time.size()) return y.back();
-  const double s = (at - time[after - 1]) / (time[after] - time[after - 1]);
-  return y[after - 1] + s * (y[after] - y[after - 1]);
-}
-
-double IntegrateDifference(const std::vector<double>& time_a,
-                           const std::vector<double>& a,
-                           const std::vector<double>& time_b,
-                           const std::vector<double>& b,
-                           double end) {
-  std::vector<double> times = {0.0, end};
-  for (const auto* list : {&time_a, &time_b}) {
-    for (const double t : *list) {
-      if (t > 0.0 && t < end) times.push_back(t);
-    }
-  }
-  std::sort(times.begin(), times.end());
-  double sum = 0.0;
-  double before = Interpolate(time_a, a, 0.0) - Interpolate(time_b, b, 0.0);
-  for (std::size_t k = 1; k < times.size(); ++k) {
-    const double t = times[k], h = t - times[k - 1];
-    if (h <= 0.0) continue;
-    const double now = Interpolate(time_a, a, t) - Interpolate(time_b, b, t);
-    const double p = std::fabs(before), q = std::fabs(now);
-    // Two triangles where the difference changes sign.
-    sum += before * now >= 0.0 ? 0.5 * h * (p + q)
-                               : 0.5 * h * (p * p + q * q) / (p + q);
-    before = now;
-  }
-  return sum;
-}
-
-Misfit ComputeMisfit(const EnergyCurve& curve,
-                     const EnergyCurve& target,
-                     const MisfitWeights& weights,
-                     double duration) {
-  Misfit misfit;
-  if (curve.time.empty() || curve.time.back() < duration * (1.0 - 1e-9)) {
-    misfit.total = misfit.bulk = misfit.relative = misfit.value = kInfinity;
-    return misfit;
-  }
-  const std::vector<double> ends = {0.0, duration}, zero = {0.0, 0.0};
-  const auto part = [&](const std::vector<double>& y,
-                        const std::vector<double>& wanted) {
-    return IntegrateDifference(curve.time, y, target.time, wanted, duration) /
-           IntegrateDifference(target.time, wanted, ends, zero, duration);
-  };
-  double sum = 0.0;
-  if (weights.total > 0.0) {
-    misfit.total = part(curve.total, target.total);
-    sum += weights.total * misfit.total;
-  }
-  if (weights.bulk > 0.0) {
-    misfit.bulk = part(curve.bulk, target.bulk);
-    sum += weights.bulk * misfit.bulk;
-  }
-  if (weights.relative > 0.0) {
-    misfit.relative = part(curve.relative, target.relative);
-    sum += weights.relative * misfit.relative;
-  }
-  misfit.value = sum / (weights.total + weights.bulk + weights.relative);
-  return misfit;
 }
 
 bool IsSettled(const EnsembleRule& rule, const std::vector<double>& values) {
@@ -205,19 +172,16 @@ std::uint64_t StartSeed(std::uint64_t seed,
 }
 
 double Ensemble::mean() const {
-  double sum = 0.0;
-  for (const double v : values) sum += v;
-  return values.empty() ? kInfinity : sum / values.size();
+  for (const double v : values) {
+    if (!std::isfinite(v)) return kInfinity;
+  }
+  return values.empty() ? kInfinity : MeanAndDeviation(values).mean;
 }
 
 double Ensemble::error() const {
-  const double n = static_cast<double>(values.size());
   if (values.size() < 2) return 0.0;
-  const double m = mean();
-  if (!std::isfinite(m)) return kInfinity;
-  double sum = 0.0;
-  for (const double v : values) sum += (v - m) * (v - m);
-  return std::sqrt(sum / (n - 1.0) / n);
+  return std::isfinite(mean()) ? MeanAndDeviation(values).standard_error
+                               : kInfinity;
 }
 
 void PairedDifference(const std::vector<double>& a,
@@ -230,16 +194,6 @@ void PairedDifference(const std::vector<double>& a,
   }
   *mean = difference.mean();
   *error = difference.error();
-}
-
-double ConfidenceFactor(int n) {
-  // Student's quantile by powers of 1 / (n - 1) (Abramowitz, Stegun 26.7.5).
-  const double z = 1.959963984540054, v = std::max(1, n - 1);
-  const double z2 = z * z;
-  return z *
-         (1.0 + (z2 + 1.0) / (4.0 * v) +
-          ((5.0 * z2 + 16.0) * z2 + 3.0) / (96.0 * v * v) +
-          (((3.0 * z2 + 19.0) * z2 + 17.0) * z2 - 15.0) / (384.0 * v * v * v));
 }
 
 bool ParseSearched(const std::string& text,

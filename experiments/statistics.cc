@@ -55,4 +55,19 @@ MeanDeviation MeanAndDeviation(const std::vector<double>& values) {
   return result;
 }
 
+double ConfidenceFactor(int n) {
+  // Student's quantile by powers of 1 / (n - 1) (Abramowitz, Stegun 26.7.5).
+  const double z = 1.959963984540054, v = std::max(1, n - 1);
+  const double z2 = z * z;
+  return z *
+         (1.0 + (z2 + 1.0) / (4.0 * v) +
+          ((5.0 * z2 + 16.0) * z2 + 3.0) / (96.0 * v * v) +
+          (((3.0 * z2 + 19.0) * z2 + 17.0) * z2 - 15.0) / (384.0 * v * v * v));
+}
+
+bool AreEqual(double difference, double error, int n) {
+  return std::isfinite(difference) &&
+         std::fabs(difference) <= ConfidenceFactor(n) * error;
+}
+
 }  // namespace granopt

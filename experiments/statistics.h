@@ -28,6 +28,12 @@ struct MeanDeviation {
 };
 MeanDeviation MeanAndDeviation(const std::vector<double>& values);
 
+// Half the width of the 95 % interval of a mean of n values, in standard errors
+// (Student's t, to 1 % for n >= 5).
+double ConfidenceFactor(int n);
+// True if n values do not tell the mean of a difference from 0, on either side.
+bool AreEqual(double difference, double error, int n);
+
 }  // namespace granopt
 
 #endif  // GRANOPT_EXPERIMENTS_STATISTICS_H_

@@ -25,6 +25,21 @@ bool ParseInteger(const std::string& text, std::int64_t* value) {
   return !text.empty() && *end == '\0';
 }
 
+bool ParseNumbers(const std::string& text, std::vector<double>* values) {
+  values->clear();
+  for (std::size_t at = 0; at <= text.size();) {
+    const std::size_t end = std::min(text.find(',', at), text.size());
+    double value;
+    if (!ParseDouble(text.substr(at, end - at), &value) ||
+        !std::isfinite(value)) {
+      return false;
+    }
+    values->push_back(value);
+    at = end + 1;
+  }
+  return true;
+}
+
 // ---------------------------------------------------------------- CSV
 
 std::string Field(const std::string& text) {

@@ -16,6 +16,8 @@ bool Fail(const std::string& line, std::string* error);
 // The whole text is one number.
 bool ParseDouble(const std::string& text, double* value);
 bool ParseInteger(const std::string& text, std::int64_t* value);
+// "1,2,3": finite numbers and nothing else.
+bool ParseNumbers(const std::string& text, std::vector<double>* values);
 
 // ---------------------------------------------------------------- CSV
 

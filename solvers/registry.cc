@@ -5,6 +5,7 @@
 #include <mutex>
 
 #include "solvers/format.h"
+#include "solvers/method_registry.h"
 #include "solvers/preconditioner.h"
 #include "solvers/solver_sequence.h"
 
@@ -16,72 +17,22 @@ void RegisterAllMethods();
 
 namespace {
 
-template <typename Factory>
-struct Entry {
-  std::string name, summary, citation;
-  Factory factory;
-};
-
-// By name.
-template <typename Factory>
-std::vector<Entry<Factory>>& Entries() {
-  static std::vector<Entry<Factory>> entries;
-  return entries;
-}
-
-// Methods and preconditioners at once.
 void RegisterOnce() {
   static std::once_flag once;
   std::call_once(once, RegisterAllMethods);
 }
 
 template <typename Factory>
-const std::vector<Entry<Factory>>& RegisteredEntries() {
+internal::MethodRegistry<Factory>& Registry() {
+  static internal::MethodRegistry<Factory> registry;
+  return registry;
+}
+
+// With all that there is: methods and preconditioners at once.
+template <typename Factory>
+const internal::MethodRegistry<Factory>& Registered() {
   RegisterOnce();
-  return Entries<Factory>();
-}
-
-template <typename Factory>
-void Insert(Entry<Factory> entry) {
-  std::vector<Entry<Factory>>& entries = Entries<Factory>();
-  const auto place = std::lower_bound(
-      entries.begin(), entries.end(), entry, [](const auto& a, const auto& b) {
-        return a.name < b.name;
-      });
-  entries.insert(place, std::move(entry));
-}
-
-std::string KnownNames() {
-  std::string names;
-  for (const auto& e : RegisteredEntries<internal::SolverFactory>()) {
-    names += (names.empty() ? "" : ", ") + e.name;
-  }
-  return names;
-}
-
-template <typename Factory>
-std::vector<SolverInfo> List() {
-  std::vector<SolverInfo> infos;
-  for (const Entry<Factory>& entry : RegisteredEntries<Factory>()) {
-    Parameters parameters;
-    entry.factory(&parameters);
-    infos.push_back(
-        {entry.name, entry.summary, entry.citation, parameters.specs()});
-  }
-  return infos;
-}
-
-std::string Table(const std::vector<SolverInfo>& infos) {
-  std::string table;
-  for (const SolverInfo& info : infos) {
-    table += info.name + "\n    " + info.summary + "\n";
-    for (const Parameters::Spec& option : info.options) {
-      table += "    " + option.key + "=" + option.default_value + "  (" +
-               option.choices + ")  " + option.help + "\n";
-    }
-    table += "    [" + info.citation + "]\n";
-  }
-  return table;
+  return Registry<Factory>();
 }
 
 std::vector<std::string> Split(const std::string& text, char separator) {
@@ -103,29 +54,64 @@ void RegisterSolver(const std::string& name,
                     const std::string& summary,
                     const std::string& citation,
                     SolverFactory factory) {
-  Insert(Entry<SolverFactory>{name, summary, citation, factory});
+  Registry<SolverFactory>().Insert({name, summary, citation, factory});
 }
 
 void RegisterPreconditioner(const std::string& name,
                             const std::string& summary,
                             const std::string& citation,
                             PreconditionerFactory factory) {
-  Insert(Entry<PreconditionerFactory>{name, summary, citation, factory});
+  Registry<PreconditionerFactory>().Insert({name, summary, citation, factory});
 }
 
 std::vector<std::string> PreconditionerNames() {
   std::vector<std::string> names;
-  for (const auto& e : RegisteredEntries<PreconditionerFactory>()) {
+  for (const auto& e : Registered<PreconditionerFactory>().entries()) {
     names.push_back(e.name);
   }
   return names;
 }
 
 PreconditionerFactory FindPreconditioner(const std::string& name) {
-  for (const auto& e : RegisteredEntries<PreconditionerFactory>()) {
-    if (e.name == name) return e.factory;
+  const auto* const entry = Registered<PreconditionerFactory>().Find(name);
+  return entry == nullptr ? nullptr : entry->factory;
+}
+
+bool ParseSpec(const std::string& kind,
+               const std::string& spec,
+               std::string* name,
+               std::map<std::string, std::string>* options,
+               std::string* error) {
+  const std::size_t colon = spec.find(':');
+  *name = spec.substr(0, colon);
+  if (colon == std::string::npos) return true;
+  for (const std::string& item : Split(spec.substr(colon + 1), ',')) {
+    const std::size_t equals = item.find('=');
+    if (equals == std::string::npos || equals == 0) {
+      *error = kind + " '" + spec + "': '" + item + "' is not key=value";
+      return false;
+    }
+    if (!options->emplace(item.substr(0, equals), item.substr(equals + 1))
+             .second) {
+      *error = kind + " '" + spec + "': option '" + item.substr(0, equals) +
+               "' is given twice";
+      return false;
+    }
   }
-  return nullptr;
+  return true;
+}
+
+std::string MethodTable(const std::vector<SolverInfo>& infos) {
+  std::string table;
+  for (const SolverInfo& info : infos) {
+    table += info.name + "\n    " + info.summary + "\n";
+    for (const Parameters::Spec& option : info.options) {
+      table += "    " + option.key + "=" + option.default_value + "  (" +
+               option.choices + ")  " + option.help + "\n";
+    }
+    table += "    [" + info.citation + "]\n";
+  }
+  return table;
 }
 
 }  // namespace internal
@@ -240,10 +226,8 @@ std::unique_ptr<Solver> CreateSolver(const std::string& spec,
   const std::vector<std::string> parts = Split(spec, '|');
   // A bar may also be in a value that does not fit.
   const auto is_known = [](const std::string& part) {
-    const auto& entries = RegisteredEntries<internal::SolverFactory>();
-    return std::any_of(entries.begin(), entries.end(), [&](const auto& entry) {
-      return entry.name == part.substr(0, part.find(':'));
-    });
+    return Registered<internal::SolverFactory>().Find(
+               part.substr(0, part.find(':'))) != nullptr;
   };
   if (parts.size() > 1 && std::all_of(parts.begin(), parts.end(), is_known)) {
     std::vector<std::unique_ptr<Solver>> solvers;
@@ -255,53 +239,25 @@ std::unique_ptr<Solver> CreateSolver(const std::string& spec,
     sequence->set_name(spec);
     return sequence;
   }
-  const std::size_t colon = spec.find(':');
-  const std::string name = spec.substr(0, colon);
-  std::map<std::string, std::string> values;
-  if (colon != std::string::npos) {
-    for (const std::string& item : Split(spec.substr(colon + 1), ',')) {
-      const std::size_t equals = item.find('=');
-      if (equals == std::string::npos || equals == 0) {
-        *error = "solver '" + spec + "': '" + item + "' is not key=value";
-        return nullptr;
-      }
-      if (!values.emplace(item.substr(0, equals), item.substr(equals + 1))
-               .second) {
-        *error = "solver '" + spec + "': option '" + item.substr(0, equals) +
-                 "' is given twice";
-        return nullptr;
-      }
-    }
-  }
-  for (const auto& entry : RegisteredEntries<internal::SolverFactory>()) {
-    if (entry.name != name) continue;
-    Parameters parameters(values);
-    std::unique_ptr<Solver> solver = entry.factory(&parameters);
-    const std::string problem = parameters.Error();
-    if (problem.empty()) {
-      solver->set_name(spec);
-      return solver;
-    }
-    *error = "solver '" + name + "': " + problem;
-    return nullptr;
-  }
-  *error = "unknown solver '" + name + "' (known: " + KnownNames() + ")";
-  return nullptr;
+  std::unique_ptr<Solver> solver =
+      Registered<internal::SolverFactory>().Make("solver", spec, error);
+  if (solver != nullptr) solver->set_name(spec);
+  return solver;
 }
 
 std::vector<SolverInfo> ListSolvers() {
-  return List<internal::SolverFactory>();
+  return Registered<internal::SolverFactory>().Infos();
 }
 
 std::vector<SolverInfo> ListPreconditioners() {
-  return List<internal::PreconditionerFactory>();
+  return Registered<internal::PreconditionerFactory>().Infos();
 }
 
 std::string SolverTable() {
-  return Table(ListSolvers()) +
+  return internal::MethodTable(ListSolvers()) +
          "\nPreconditioners, for methods with the option preconditioner=NAME; "
          "their options are given to the method:\n\n" +
-         Table(ListPreconditioners());
+         internal::MethodTable(ListPreconditioners());
 }
 
 }  // namespace granopt

@@ -1,4 +1,4 @@
-# NLopt, for the method nlopt_lbfgs.
+# NLopt, for the method nlopt_lbfgs and the search nelder_mead.
 find_path(NLOPT_INCLUDE_DIR nlopt.h)
 find_library(NLOPT_LIBRARY nlopt)
 mark_as_advanced(NLOPT_INCLUDE_DIR NLOPT_LIBRARY)

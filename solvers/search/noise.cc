@@ -67,7 +67,14 @@ bool ChooseDifferenceSteps(
   bool reliable;
   chosen->value = values[kHalf];
   chosen->noise = EstimateNoise(values, &reliable);
-  const double wide = std::max(0.1, std::pow(chosen->noise, 0.25));
+  chosen->scale = 0.0;
+  for (const double v : values) {
+    chosen->scale = std::max(chosen->scale, std::fabs(v));
+  }
+  const double wide =
+      chosen->scale > 0.0
+          ? std::max(0.1, std::pow(chosen->noise / chosen->scale, 0.25))
+          : 0.1;
   strings.clear();
   for (int k = 0; k < n; ++k) {
     for (const double sign : {1.0, -1.0}) {
@@ -82,8 +89,10 @@ bool ChooseDifferenceSteps(
     const double curvature =
         std::fabs(values[2 * k] + values[2 * k + 1] - 2.0 * chosen->value) /
         (wide * wide);
-    const double h = std::pow(8.0, 0.25) *
-                     std::sqrt(chosen->noise / std::max(curvature, 1e-300));
+    double h = chosen->noise > 0.0 ? 0.2 : 0.01;
+    if (curvature > 0.0) {
+      h = std::pow(8.0, 0.25) * std::sqrt(chosen->noise / curvature);
+    }
     chosen->steps[k] = std::min(0.2, std::max(0.01, h));
   }
   return true;

@@ -22,13 +22,15 @@ double EstimateNoise(const std::vector<double>& values, bool* reliable);
 struct DifferenceSteps {
   double value = 0.0;  // f at the point
   double noise = 0.0;  // standard deviation
+  double scale = 0.0;  // the largest |f| about the point
   std::vector<double> steps;
 };
 
 // Steps h_k = 8^(1/4) (noise / |f''_k|)^(1/2) in the unit box, in [0.01, 0.2].
 // They balance noise and curvature of one-sided differences; taken on both
 // sides the error from the noise, noise / (sqrt 2 h), is what remains. Second
-// derivatives are differences of step noise^(1/4), at least 0.1. Evaluates
+// derivatives are differences of step (noise / scale)^(1/4), at least 0.1: f in
+// other units gives the same steps. Evaluates
 // 9 + 2 n strings in two lists; false if `evaluate` said so or a value is not
 // finite.
 // Source: More, Wild, ACM Trans. Math. Softw. 38 (2012) 19.

@@ -117,7 +117,8 @@ void RegisterSearch(const std::string& name,
 }  // namespace internal
 }  // namespace granopt
 
-// As REGISTER_SOLVER, for the files in solvers/search/methods.
+// As REGISTER_SOLVER, for the files in solvers/search/methods: the library
+// `searches`.
 #define REGISTER_SEARCH(name, Class, summary, citation)   \
   void GranoptRegister_##name() {                         \
     ::granopt::internal::RegisterSearch(                  \

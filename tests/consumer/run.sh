@@ -35,6 +35,7 @@ check() {
 }
 check_both() {
   check "$1/minimize" '^CONVERGED: \|g\| = ' '^x = 1\.000000 1\.000000$'
+  check "$1/search" '^[1-9][0-9]* strings$' '^x = 0\.5 3\.0$'
   check "$1/pack" '^CONVERGED$' '^energy = [1-9]\.[0-9]*e-0[4-7] from '
 }
 
@@ -81,6 +82,7 @@ compile() {
 }
 for static in "" --static; do
   compile minimize granopt-solvers $static
+  compile search granopt-searches $static
   compile pack granopt-granular $static
   check_both "$work/pkgconfig"
 done
@@ -88,7 +90,7 @@ done
   fail "pkg-config has another version than the project"
 
 say "the two ways agree"
-for program in minimize pack; do
+for program in minimize search pack; do
   diff "$work/cmake/$program.out" "$work/pkgconfig/$program.out" ||
     fail "$program prints something else"
 done
@@ -97,8 +99,9 @@ if [ -f "$lib/libgranopt_granular.a" ]; then
   say "the packages name every library that is needed"
   # shellcheck disable=SC2046,SC2086
   "$compiler" -std=c++17 $flags -x c++ - -x none -o "$work/all" \
-    -Wl,--whole-archive "$lib/libgranopt_granular.a" "$lib/libgranopt_solvers.a" \
-    -Wl,--no-whole-archive $(pkg-config --libs granopt-granular) $link_flags <<EOF
+    -Wl,--whole-archive "$lib/libgranopt_granular.a" "$lib/libgranopt_searches.a" \
+    "$lib/libgranopt_solvers.a" -Wl,--no-whole-archive \
+    $(pkg-config --libs granopt-granular granopt-searches) $link_flags <<EOF
 int main() { return 0; }
 EOF
 fi

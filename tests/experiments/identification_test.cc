@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "experiments/statistics.h"
+#include "granular/flow/energy_misfit.h"
 #include "gtest/gtest.h"
 
 namespace granopt {
@@ -48,9 +50,58 @@ TEST(Identification, MisfitIsTheWeightedSumOfItsParts) {
               0.7 / 3.0,
               1e-14);
   EXPECT_EQ(ComputeMisfit(target, target, {1.0, 1.0, 1.0}, 2.0).value, 0.0);
-  // A flow that ended too early.
+  // A flow without a value, as one that ended too early.
+  EXPECT_EQ(ComputeMisfit({{0.0, 2.0}, {1.0, NAN}, {0.5, 0.5}, {0.5, 0.5}},
+                          target,
+                          {1.0, 1.0, 1.0},
+                          2.0)
+                .value,
+            kInfinity);
   EXPECT_EQ(ComputeMisfit(curve, target, {1.0, 1.0, 1.0}, 2.5).value,
             kInfinity);
+}
+
+// Errors: T* = 1 with 1 / s = 1 + t, T = T* + 0.1 t until 2:
+//   P_E = int 0.1 t (1 + t) dt / int (1 + t) dt = 0.4666... / 4,
+// and for T - T* = t - 1, which changes its sign, 2 / 4.
+TEST(Identification, ErrorsWeighTimes) {
+  EnergyCurve target = ConstantTarget(1.0, 0.5, 0.5, 2.0);
+  const MisfitWeights total = {1.0, 0.0, 0.0};
+  target.total_error = {1.0, 1.0 / 3.0};
+  EXPECT_TRUE(HasErrors(target, total));
+  EXPECT_FALSE(HasErrors(target, {1.0, 1.0, 0.0}));
+  const EnergyCurve curve = {
+      {0.0, 0.7, 2.0}, {1.0, 1.07, 1.2}, {0.5, 0.5, 0.5}, {0.5, 0.5, 0.5}};
+  const Misfit misfit = ComputeMisfit(curve, target, total, 2.0);
+  EXPECT_NEAR(misfit.total, 1.4 / 12.0, 1e-14);
+  EXPECT_NEAR(misfit.value, 1.4 / 12.0, 1e-14);
+  EXPECT_NEAR(misfit.total_errors, 0.7 / 3.0, 1e-14);
+  const EnergyCurve crossing = {{0.0, 2.0}, {0.0, 2.0}, {0.5, 0.5}, {0.5, 0.5}};
+  EXPECT_NEAR(ComputeMisfit(crossing, target, total, 2.0).value, 0.5, 1e-14);
+}
+
+// What is known ten times better counts ten times as much; errors of one size
+// relative to the target are none.
+TEST(Identification, ErrorsWeighEnergies) {
+  EnergyCurve target = ConstantTarget(1.0, 0.5, 0.5, 2.0);
+  const EnergyCurve curve = {
+      {0.0, 0.3, 2.0}, {1.1, 1.1, 1.1}, {0.4, 0.4, 0.4}, {0.75, 0.75, 0.75}};
+  const auto value = [&](double total, double bulk, double relative) {
+    target.total_error.assign(2, total);
+    target.bulk_error.assign(2, bulk);
+    target.relative_error.assign(2, relative);
+    return ComputeMisfit(curve, target, {2.0, 1.0, 1.0}, 2.0).value;
+  };
+  EXPECT_NEAR(value(0.1, 0.05, 0.05), 0.9 / 4.0, 1e-14);
+  EXPECT_NEAR(value(0.01, 0.005, 0.005), 0.9 / 4.0, 1e-14);
+  EXPECT_NEAR(value(0.1, 0.005, 0.05),
+              (2.0 * 10.0 * 0.1 + 100.0 * 0.2 + 10.0 * 0.5) / 130.0,
+              1e-14);
+  // 0.1, 0.1 and 0.25 off.
+  const Misfit misfit = ComputeMisfit(curve, target, {}, 2.0);
+  EXPECT_NEAR(misfit.total_errors, 1.0, 1e-13);
+  EXPECT_NEAR(misfit.bulk_errors, 20.0, 1e-13);
+  EXPECT_NEAR(misfit.relative_errors, 5.0, 1e-13);
 }
 
 // |mean_(E+1) - mean_E| <= TOL |mean_(E+1)|.
@@ -104,6 +155,17 @@ TEST(Identification, MeansAndTheirErrors) {
   EXPECT_NEAR(ConfidenceFactor(5), 2.776, 0.03);
   EXPECT_NEAR(ConfidenceFactor(10), 2.262, 0.003);
   EXPECT_NEAR(ConfidenceFactor(60), 2.001, 0.001);
+}
+
+// Ten values of deviation 1 about 0.7: t = 2.21 < 2.26. Both signs are alike.
+TEST(Identification, EqualIsWhatTheErrorDoesNotTell) {
+  const double error = 1.0 / std::sqrt(10.0);
+  EXPECT_TRUE(AreEqual(0.7, error, 10));
+  EXPECT_TRUE(AreEqual(-0.7, error, 10));
+  EXPECT_FALSE(AreEqual(0.73, error, 10));
+  EXPECT_FALSE(AreEqual(-0.73, error, 10));
+  EXPECT_TRUE(AreEqual(0.0, 0.0, 10));
+  EXPECT_FALSE(AreEqual(kInfinity, kInfinity, 1));
 }
 
 TEST(Identification, SearchedFlagsAreParsed) {
@@ -171,6 +233,17 @@ TEST_F(TargetFile, IsReadBack) {
   EXPECT_EQ(target_.total, curve.total);
   EXPECT_EQ(target_.bulk, curve.bulk);
   EXPECT_EQ(target_.relative, curve.relative);
+  EXPECT_TRUE(target_.total_error.empty());
+  EnergyCurve measured = curve;
+  measured.total_error = {0.1, 0.2, 0.3};
+  measured.bulk_error = {0.1, 0.1, 0.3};
+  measured.relative_error = {0.01, 0.2, 0.3};
+  EXPECT_EQ(Read(FormatCurve(measured)), "");
+  EXPECT_EQ(target_.relative, curve.relative);
+  EXPECT_EQ(target_.total_error, measured.total_error);
+  EXPECT_EQ(target_.bulk_error, measured.bulk_error);
+  EXPECT_EQ(target_.relative_error, measured.relative_error);
+  EXPECT_EQ(Read("time,T,T_error\n0,1,0.1\n1,2,0.1\n", {1.0, 0.0, 0.0}), "");
   // A signal of T alone.
   EXPECT_EQ(Read("time,T\n0,1\n1,2\n", {1.0, 0.0, 0.0}), "");
 }
@@ -190,6 +263,11 @@ TEST_F(TargetFile, BadOnesAreRefusedByLine) {
       {"time,T,T_b,T_r\n0,1,1,1\n0,1,1,1\n", ":3: time 0 does not exceed"},
       {"time,T,T_b,T_r\n0,1,1,1\ninf,1,1,1\n", ":3: time is not finite"},
       {"time,T,T_b,T_r\n0,1,1,1\n", "at least two rows"},
+      {"time,T,T_b,T_r,T_error\n0,1,1,1,1\n1,1,1,1,1\n",
+       ":1: no column T_b_error: errors are given of all"},
+      {"time,T,T_b,T_r,T_error,T_b_error,T_r_error\n0,1,1,1,1,1,1\n"
+       "1,1,1,1,1,0,1\n",
+       ":3: T_b_error = 0 must be positive"},
       {"time,T,T_b,T_r\n0,1,1,1\n0.9,1,1,1\n", "ends at time 0.9"},
       {"time,T,T_b,T_r\n0,1,0,1\n1,1,0,1\n", "column T_b is 0 everywhere"}};
   for (const auto& c : cases) {

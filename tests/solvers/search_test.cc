@@ -110,6 +110,26 @@ TEST(Search, GeneticAlgorithmPassesLocalMinima) {
   EXPECT_NEAR(result.best[1], 0.5, 0.1);
 }
 
+// In a corner the simplex has its other vertices within the box.
+TEST(Search, SimplexLeavesACorner) {
+  if (!HasSearch("nelder_mead")) GTEST_SKIP() << "built without NLopt";
+  for (const double corner : {-1.0, 2.0}) {
+    Strings seen;
+    SearchProblem problem = Problem(&Sphere, 2, -1.0, 2.0, &seen);
+    problem.start = {corner, corner};
+    problem.budget = 100;
+    EXPECT_LT(Minimize("nelder_mead", problem).value, 1e-3) << corner;
+    EXPECT_EQ(seen[0], problem.start);
+    // 0.2 of the box.
+    EXPECT_NEAR(std::fabs(seen[1][0] - corner), 0.6, 1e-12);
+    // It ends in the nearest of many minima, and goes on elsewhere.
+    problem = Problem(&Rastrigin, 2, -3.0, 4.0, &seen);
+    problem.start = {corner < 0.0 ? -3.0 : 4.0, corner < 0.0 ? -3.0 : 4.0};
+    problem.budget = 30;
+    EXPECT_GT(Minimize("nelder_mead:step=0.05", problem).value, 0.9) << corner;
+  }
+}
+
 // 20 + 18 (6 + 8) + 2 19, the paper's number.
 TEST(Search, GeneticAlgorithmEvaluates310Strings) {
   Strings seen;
@@ -156,10 +176,15 @@ TEST(Search, OffspringLieBetweenTheirParents) {
   for (int child = 0; child < 4; ++child) {
     const auto& a = ranked[child / 2 * 2];
     const auto& b = ranked[child / 2 * 2 + 1];
+    double u[3];
     for (int k = 0; k < 3; ++k) {
       EXPECT_GE(seen[10 + child][k], std::min(a[k], b[k]) - 1e-15);
       EXPECT_LE(seen[10 + child][k], std::max(a[k], b[k]) + 1e-15);
+      u[k] = (seen[10 + child][k] - b[k]) / (a[k] - b[k]);
     }
+    // U is another one for each component.
+    EXPECT_GT(std::fabs(u[0] - u[1]), 1e-6);
+    EXPECT_GT(std::fabs(u[1] - u[2]), 1e-6);
   }
   const auto best =
       *std::min_element(seen.begin(), seen.begin() + 22, by_value);
@@ -192,6 +217,34 @@ TEST(Search, SameSeedSameStrings) {
   }
 }
 
+// An objective in other units gives the same strings, bit for bit. (pagmo's
+// CMA-ES has an absolute tolerance.)
+TEST(Search, UnitsDoNotMatter) {
+  for (const std::string& name : Methods()) {
+    if (name == "cma_es") continue;
+    Strings first;
+    for (const int exponent : {0, 60, -60}) {
+      // Negative values, values about 0, and noise.
+      Strings seen;
+      SearchProblem problem = Problem(&Sphere, 3, -1.0, 2.0, &seen);
+      problem.budget = 120;
+      const ListObjective inner = problem.objective;
+      problem.objective = [&](const Strings& s, std::vector<double>* values) {
+        const bool goes_on = inner(s, values);
+        for (std::size_t k = 0; k < s.size(); ++k) {
+          const double noise = 0.1 * std::sin(1e4 * s[k][0] + 2e4 * s[k][1]);
+          (*values)[k] = std::ldexp((*values)[k] - 0.4 + noise, exponent);
+        }
+        return goes_on;
+      };
+      Minimize(name, problem);
+      if (exponent == 0) first = seen;
+      EXPECT_GT(seen.size(), 20u) << name;
+      EXPECT_EQ(seen, first) << name << " " << exponent;
+    }
+  }
+}
+
 TEST(Search, EndsWhenTold) {
   for (const std::string& name : Methods()) {
     int lists = 0;
@@ -207,7 +260,7 @@ TEST(Search, EndsWhenTold) {
   }
 }
 
-// Where flows fail there is no value.
+// Infinity and NaN are no values.
 TEST(Search, StringsWithoutValueAreNoBest) {
   for (const std::string& name : Methods()) {
     SearchProblem problem = Problem(&Sphere, 2, 0.0, 1.0);

@@ -15,11 +15,11 @@
 namespace granopt {
 namespace {
 
-// f of the unit box, continued by mirrors beyond it.
+// f / unit of the unit box, continued by mirrors beyond it.
 class Differences : public ceres::FirstOrderFunction {
  public:
-  Differences(SearchRun* run, std::vector<double> steps)
-      : run_(run), steps_(std::move(steps)) {}
+  Differences(SearchRun* run, std::vector<double> steps, double unit)
+      : run_(run), steps_(std::move(steps)), unit_(unit) {}
 
   bool Evaluate(const double* u,
                 double* cost,
@@ -36,8 +36,9 @@ class Differences : public ceres::FirstOrderFunction {
     }
     std::vector<double> values;
     if (!run_->Evaluate(strings, &values)) return false;
-    for (const double value : values) {
+    for (double& value : values) {
       if (!std::isfinite(value)) return false;
+      value /= unit_;
     }
     *cost = values[0];
     for (int k = 0; gradient != nullptr && k < n; ++k) {
@@ -56,6 +57,7 @@ class Differences : public ceres::FirstOrderFunction {
 
   SearchRun* const run_;
   const std::vector<double> steps_;
+  const double unit_;
 };
 
 // Ends where no line search finds a lower value: with noise that is where the
@@ -85,13 +87,18 @@ class CeresDifferences : public SearchMethod {
     UniformRandom random(run->seed());
     DifferenceSteps chosen;
     if (!ChooseDifferenceSteps(u, spacing_, &random, evaluate, &chosen)) return;
-    ceres::GradientProblem problem(new Differences(run, chosen.steps));
+    // Ceres' first step depends on the size of the slopes: a power of two makes
+    // it that of values about 1, whatever the units.
+    int exponent = 0;
+    std::frexp(chosen.scale, &exponent);
+    const double unit = std::ldexp(1.0, exponent);
+    ceres::GradientProblem problem(new Differences(run, chosen.steps, unit));
     ceres::GradientProblemSolver::Options options;
     options.logging_type = ceres::SILENT;
     options.max_num_iterations = iterations_;
     // A change that the noise alone makes is no progress.
-    double cost = chosen.value;
-    options.function_tolerance = chosen.noise / std::max(cost, 1e-300) / 10.0;
+    const double cost = std::fabs(chosen.value);
+    options.function_tolerance = cost > 0.0 ? chosen.noise / cost / 10.0 : 0.0;
     options.gradient_tolerance = 0.0;
     options.parameter_tolerance = 1e-6;
     options.max_num_line_search_step_size_iterations = 8;

@@ -33,7 +33,7 @@ class GeneticAlgorithm : public SearchMethod {
   explicit GeneticAlgorithm(Parameters* parameters)
       : population_(parameters->Int("population", 20, 2, "strings S")),
         generations_(parameters->Int(
-            "generations", 20, 1, "that follow the first population")),
+            "generations", 20, 1, "after the first population, at most")),
         parents_(parameters->Int("parents", 6, 2, "K, even, at most S / 2")),
         restart_(parameters->Int(
             "restart", 10, 1, "generations between rescalings of the box")),

@@ -10,7 +10,7 @@ namespace {
 class RandomSearch : public SearchMethod {
  public:
   explicit RandomSearch(Parameters* parameters)
-      : strings_(parameters->Int("strings", 310, 1, "without a budget")),
+      : strings_(parameters->Int("strings", 310, 1, "at most")),
         list_(parameters->Int("list", 20, 1, "strings handed over at once")) {}
 
  protected:

@@ -34,7 +34,7 @@ double Evaluate(unsigned n, const double* u, double*, void* data) {
 class NelderMead : public SearchMethod {
  public:
   explicit NelderMead(Parameters* parameters)
-      : strings_(parameters->Int("strings", 310, 1, "without a budget")),
+      : strings_(parameters->Int("strings", 310, 1, "at most")),
         step_(parameters->Double(
             "step", 0.2, 1e-6, 1.0, "first simplex, of the box")),
         resolution_(parameters->Double(
@@ -58,7 +58,9 @@ class NelderMead : public SearchMethod {
       nlopt_set_maxeval(optimizer.get(), strings_ - used);
       double value;
       nlopt_optimize(optimizer.get(), u.data(), &value);
-      used += nlopt_get_numevals(optimizer.get());
+      const int evaluations = nlopt_get_numevals(optimizer.get());
+      if (evaluations == 0) return;  // refused: it would be again
+      used += evaluations;
       for (double& x : u) x = random();
     }
   }

@@ -13,7 +13,8 @@ class CmaEs : public SearchMethod {
  public:
   explicit CmaEs(Parameters* parameters)
       : population_(parameters->Int("population", 10, 5, "strings")),
-        generations_(parameters->Int("generations", 30, 1, "of all restarts")),
+        generations_(
+            parameters->Int("generations", 30, 1, "of all restarts, at most")),
         sigma_(parameters->Double(
             "sigma", 0.3, 1e-6, 1.0, "first step, of the box")) {}
 

@@ -12,7 +12,8 @@ class DifferentialEvolution : public SearchMethod {
  public:
   explicit DifferentialEvolution(Parameters* parameters)
       : population_(parameters->Int("population", 20, 5, "strings")),
-        generations_(parameters->Int("generations", 15, 1, "after the first")),
+        generations_(
+            parameters->Int("generations", 15, 1, "after the first, at most")),
         weight_(parameters->Double("weight", 0.7, 0.0, 1.0, "F")),
         crossover_(parameters->Double("crossover", 0.9, 0.0, 1.0, "CR")) {}
 
