@@ -66,7 +66,7 @@ struct Contact {
 // of the packing given: u = 0 is that packing, exactly.
 //
 // Gaps are evaluated by differences from a reference configuration that
-// Recenter() moves along (see pair_loops.h and README, design); E, gradient
+// Recenter() moves along (see pair_loops.h and README); E, gradient
 // and Hessian are pure functions of (reference, u): bitwise independent of the
 // neighbour list that happens to be in use, and of the number of threads
 // (solvers/threads.h).

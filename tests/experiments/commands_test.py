@@ -59,6 +59,7 @@ def main():
   folder = tempfile.mkdtemp(prefix="granopt_commands_")
   shutil.copy(os.path.join(SOURCE, "tests", "data", "n256_phi0.8438_a2_relaxed.xyz"),
               os.path.join(folder, "packing.xyz"))
+  shutil.copy(os.path.join(SOURCE, "tests", "data", "signal.csv"), folder)
   commands = Documented(pages[0])
   for name in NAMES:
     examples = helps[name].split("\nExamples\n")[1].split("\n\n")[0]

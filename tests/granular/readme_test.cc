@@ -1,4 +1,5 @@
-// The README lists every method and preconditioner as this build prints them.
+// experiments/methods.md lists every method and preconditioner as this build
+// prints them.
 
 #include <filesystem>
 #include <fstream>
@@ -16,8 +17,8 @@ namespace {
 
 const char kRoot[] = GRANOPT_TEST_DATA "/../..";
 
-std::string Readme() {
-  std::ifstream file(std::string(kRoot) + "/README.md");
+std::string Page() {
+  std::ifstream file(std::string(kRoot) + "/experiments/methods.md");
   std::stringstream text;
   text << file.rdbuf();
   return text.str();
@@ -47,7 +48,7 @@ std::vector<Block> Blocks(const std::string& text, std::size_t indent) {
   return blocks;
 }
 
-// As the README shows it.
+// As the page shows it.
 std::string Indented(const std::string& text) {
   std::string result;
   std::stringstream lines(text);
@@ -89,24 +90,24 @@ bool NeedsAnOptionalPackage(const std::string& name) {
 
 TEST(Readme, ListsTheMethodsAsTheyArePrinted) {
   RegisteredWithEnergies();
-  const std::string readme = Readme();
-  ASSERT_FALSE(readme.empty());
-  if (readme.find("\n    lbfgs\n") == std::string::npos) {
-    FAIL() << "the README has no list of methods";
+  const std::string page = Page();
+  ASSERT_FALSE(page.empty());
+  if (page.find("\n    lbfgs\n") == std::string::npos) {
+    FAIL() << "methods.md has no list of methods";
   }
   std::set<std::string> known;
   for (const Block& block : Blocks(SolverTable(), 0)) {
     if (!IsEntry(block)) continue;
     known.insert(block.name);
-    EXPECT_NE(readme.find("\n" + Indented(block.text)), std::string::npos)
-        << "README.md lacks\n"
+    EXPECT_NE(page.find("\n" + Indented(block.text)), std::string::npos)
+        << "methods.md lacks\n"
         << Indented(block.text);
   }
   EXPECT_EQ(known.size(), ListSolvers().size() + ListPreconditioners().size());
-  for (const Block& block : Blocks(readme, 4)) {
+  for (const Block& block : Blocks(page, 4)) {
     if (!IsEntry(block) || known.count(block.name) != 0) continue;
     EXPECT_TRUE(NeedsAnOptionalPackage(block.name))
-        << "README.md lists " << block.name
+        << "methods.md lists " << block.name
         << ", which this build does not have";
   }
 }
