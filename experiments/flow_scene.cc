@@ -9,7 +9,6 @@
 #include "solvers/registry.h"
 
 // ---- the start
-DEFINE_int32(particles, 100, "number of grains n of a random start");
 DEFINE_double(side, 1.0, "side D of the cube around 0, m");
 DEFINE_double(length_ratio,
               0.25,
@@ -23,10 +22,6 @@ DEFINE_int32(attempts,
              10000,
              "places tried for a grain of a random start; 0: the first, "
              "overlaps and all");
-DEFINE_string(input,
-              "",
-              "extended XYZ file (spheres in a cube) for centres and radii "
-              "instead of a random start");
 DEFINE_bool(relax_overlaps,
             false,
             "first move overlapping grains apart, with --solver on the contact "
@@ -88,7 +83,6 @@ DEFINE_string(
 DEFINE_double(duration, 1.0, "end of the run, s");
 DEFINE_double(dt, 0.01, "time step, or its upper limit, s");
 DEFINE_double(first_dt, 0.001, "first step of implicit, s");
-DEFINE_double(tolerance, 1e-8, "TOL of an implicit step");
 DEFINE_int32(iterations, 10, "K_d, in which an implicit step must converge");
 DEFINE_string(sweep,
               "jacobi",
@@ -193,6 +187,10 @@ FlowSceneOptions MakeSceneOptions() {
   ReadVector("gravity", FLAGS_gravity, external.constant);
   ReadVector("force", FLAGS_force, external.amplitude);
   external.frequency = FLAGS_force_frequency;
+  if (!std::isfinite(FLAGS_force_frequency)) {
+    BadInput(
+        Format("--force_frequency=%g must be finite", FLAGS_force_frequency));
+  }
   bool has_external = false;
   for (int k = 0; k < 3; ++k) {
     has_external = has_external || external.constant[k] != 0.0 ||
@@ -331,12 +329,8 @@ bool MakeCase(FlowCase* made, std::string* relaxed, std::string* error) {
   if (!FLAGS_relax_overlaps) return true;
   const std::unique_ptr<Solver> solver = CreateSolver(FLAGS_solver, error);
   if (solver == nullptr) BadInput("--solver: " + *error);
-  return RelaxOverlaps(options.grains,
-                       options.domain,
-                       *solver,
-                       &flow.state,
-                       relaxed,
-                       error);
+  return RelaxOverlaps(
+      options.grains, options.domain, *solver, &flow.state, relaxed, error);
 }
 
 std::string Frame(const FlowScene& scene, const FlowState& state, int digits) {

@@ -47,9 +47,9 @@ struct NearFieldOptions {
 // Coordinates and forces are in the layout of near_field_loops.h, SI units or
 // any other consistent ones. Forces are pure functions of the positions and the
 // same bits on any number of threads and for every instruction set. Each pair
-// is visited once: n^2 / 2 pairs. Grains at one
-// place have no direction: LastLeastDistance() is then 0, and their
-// forces are void: not finite for most laws, without that pair for others.
+// is visited once: n^2 / 2 pairs. Grains at one place have no direction:
+// LastLeastDistance() is then 0, and their forces are void: not finite for most
+// laws, without that pair for others.
 //
 // Not here: three-body terms of (9.1).
 class NearField {
