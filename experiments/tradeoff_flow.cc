@@ -635,6 +635,10 @@ int FlowTradeoff() {
     std::printf("\nfor this accuracy use this: stepper, TOL, Dt: cost\n%s",
                 Grid(table, 0, false, 3).c_str());
     std::printf(
+        "\nwhat each stepper takes for T, with its best TOL and Dt: CPU ms, "
+        "sweeps\n%s\n",
+        Grid(families, 0, false, 2).c_str());
+    std::printf(
         "  ~: the error itself is lost in noise, or in what is not known of "
         "the "
         "exact flow; it is below that\n");
