@@ -249,6 +249,7 @@ void Fields(A& a, T& s) {
   a("steps", s.steps);
   a("rejected", s.rejected);
   a("sweeps", s.sweeps);
+  a("is_evaluated", s.is_evaluated);
   a("impulses", s.impulses);
   a("sticking", s.sticking);
   a("jumps", s.jumps);

@@ -17,6 +17,7 @@
 
 #include "experiments/checkpoint.h"
 #include "experiments/statistics.h"
+#include "experiments/tabular.h"
 #include "granular/packing_io.h"
 #include "solvers/registry.h"
 #include "solvers/threads.h"
@@ -25,47 +26,21 @@ DEFINE_bool(list_solvers, false, "print the methods and exit");
 DEFINE_int32(threads, 1, "results are the same bits on any number");
 // ---- modes
 DEFINE_bool(paper, false, "Figs 4 to 6 with the parameters of sec. 7.1");
-DEFINE_int32(seeds, 20, "starts of --paper and of studies");
+DEFINE_int32(seeds,
+             20,
+             "starts of --paper and of studies (work_precision: 10)");
 DEFINE_string(study, "", "work_precision, remark8, oscillator or throughput");
 DEFINE_int32(frames, 101, "of the trajectory, and rows of energy.csv");
 DEFINE_bool(resume,
             false,
             "go on with an interrupted run in --out; ends in the same bits");
-DEFINE_int64(checkpoint_every,
-             0,
-             "steps between checkpoints of one run (0: some 1e10 pairs)");
+DEFINE_int64(
+    checkpoint_every,
+    0,
+    "steps between checkpoints of one run (0: as many as take some 2e9 "
+    "pairs, 100 at least)");
 
 namespace granopt {
-
-FlowCase MakePaperCase(const Strength& strength,
-                       std::uint64_t seed,
-                       Domain::Kind domain,
-                       bool velocity_dependent,
-                       int particles) {
-  FlowSceneOptions options;
-  options.domain.kind = domain;
-  FlowStart start;
-  start.particles = particles;
-  start.seed = seed;
-  start.period = options.domain.period();
-  if (strength.alpha1 > 0.0 || strength.alpha2 > 0.0) {
-    options.near_field = NearFieldOptions();
-    options.near_field->law =
-        RadialLaw::Powers(strength.alpha1, 1.0, strength.alpha2, 2.0);
-  }
-  ImpactOptions impact;
-  impact.is_velocity_dependent = velocity_dependent;
-  impact.friction = {0.2, 0.1};
-  options.impact = impact;
-  FlowCase flow;
-  std::string error;
-  if (!MakeStart(start, &options.grains, &flow.state, &error)) BadInput(error);
-  flow.scene = FlowScene::Create(options, &error);
-  if (flow.scene == nullptr || !flow.scene->Begin(0.001, &flow.state, &error)) {
-    BadInput(error);
-  }
-  return flow;
-}
 
 namespace {
 
@@ -116,15 +91,18 @@ Json LedgerJson(const FlowScene& scene, const FlowState& state) {
   const double potential = scene.Potential(state.x.data());
   const double m = scene.total_mass();
   const EnergyLedger& e = state.energy;
-  double p[3], drift = 0.0, size = 0.0;
+  double p[3], drift = 0.0;
   scene.Momentum(state.v.data(), p);
   for (int c = 0; c < 3; ++c) {
     const double rest = p[c] - state.momentum_start[c] -
                         state.momentum.external[c] - state.momentum.damping[c] -
                         state.momentum.fixed[c];
     drift += rest * rest;
-    size += state.momentum_start[c] * state.momentum_start[c];
   }
+  // Over the momentum of grains that all go one way with that energy: a flow
+  // whose mean velocity is 0 has a drift too.
+  const double size =
+      std::sqrt(2.0 * m * std::max(k.total(), state.kinetic_start));
   return {{"kinetic_change", (k.total() - state.kinetic_start) / m},
           {"potential_change", (potential - state.potential_start) / m},
           {"boundary", e.boundary / m},
@@ -134,7 +112,7 @@ Json LedgerJson(const FlowScene& scene, const FlowState& state) {
           {"damping", e.damping / m},
           {"numerical", scene.Numerical(state, potential) / m},
           {"closure", scene.Closure(state, k.total()) / m},
-          {"momentum_drift", size > 0.0 ? std::sqrt(drift / size) : 0.0},
+          {"momentum_drift", size > 0.0 ? std::sqrt(drift) / size : 0.0},
           {"momentum",
            {{"external", state.momentum.external},
             {"damping", state.momentum.damping},
@@ -263,6 +241,8 @@ int RunOne() {
                            "gravity",
                            "force",
                            "damping",
+                           "density",
+                           "side",
                            "domain",
                            "stepper",
                            "dt",
@@ -340,6 +320,7 @@ int RunOne() {
   bool stopped = false;
   bool done;
   const double cpu = CpuSeconds();
+  StepReport last;
   {
     Progress progress;
     done = RunFlow(
@@ -377,8 +358,10 @@ int RunOne() {
           return !stopped;
         },
         &state,
-        &error);
+        &error,
+        &last);
   }
+  rejections += RejectionRows(last);
   if (stopped) {
     std::printf(
         "\nstopped as asked, at t = %.6g: the same command with --resume goes "
@@ -478,6 +461,7 @@ struct PaperRun {
   double boundary, impact, friction, numerical, potential, closure, drift;
   double steps, rejected, sweeps, impulses, jumps;
   std::vector<double> bulk, relative, wrap;  // kGrid each
+  std::string error;  // why it did not reach its end: all else is void
 };
 
 constexpr const char* kRunNumbers[] = {"T0",
@@ -588,10 +572,9 @@ PaperRun RunPaperCase(const Variant& variant,
       &state,
       &error);
   if (!done) {
-    BadInput(Format("alpha1 = %g, seed %llu: ",
-                    strength.alpha1,
-                    static_cast<unsigned long long>(seed)) +
-             error);
+    PaperRun failed = {};
+    failed.error = error;
+    return failed;
   }
   const KineticEnergy k = scene.Kinetic(state.v.data());
   run.T1 = k.total() / m;
@@ -616,7 +599,8 @@ Json RunJson(const PaperRun& r) {
   return {{"numbers", Numbers(r)},
           {"bulk", r.bulk},
           {"relative", r.relative},
-          {"wrap", r.wrap}};
+          {"wrap", r.wrap},
+          {"error", r.error}};
 }
 PaperRun RunOf(const Json& json) {
   PaperRun r;
@@ -644,23 +628,41 @@ PaperRun RunOf(const Json& json) {
   json.at("bulk").get_to(r.bulk);
   json.at("relative").get_to(r.relative);
   json.at("wrap").get_to(r.wrap);
+  json.at("error").get_to(r.error);
   return r;
 }
 
-int RunPaper() {
-  for (const char* flag :
-       {"alpha1",       "alpha2",       "beta1",       "beta2",
-        "law",          "contacts",     "restitution", "mu_s",
-        "mu_d",         "domain",       "input",       "stepper",
-        "gravity",      "force",        "damping",     "velocity_dependent",
-        "side",         "length_ratio", "density",     "mean_velocity",
-        "perturbation", "weight"}) {
-    if (IsGiven(flag)) {
-      BadInput(std::string("--") + flag +
-               " cannot go with --paper, which sets "
-               "the parameters of sec. 7.1");
+// BadInput for a flag of a flow that the user gave and a mode has no use for.
+void RefuseOtherFlags(const std::vector<std::string>& used,
+                      const std::string& mode) {
+  std::vector<gflags::CommandLineFlagInfo> all;
+  gflags::GetAllFlags(&all);
+  for (const auto& flag : all) {
+    if (flag.is_default ||
+        flag.filename.find("experiments/flow") == std::string::npos ||
+        std::find(used.begin(), used.end(), flag.name) != used.end()) {
+      continue;
     }
+    BadInput("--" + flag.name + " cannot go with " + mode);
   }
+}
+
+int RunPaper() {
+  RefuseOtherFlags({"paper",
+                    "resume",
+                    "threads",
+                    "seeds",
+                    "particles",
+                    "duration",
+                    "dt",
+                    "first_dt",
+                    "tolerance",
+                    "iterations",
+                    "sweep",
+                    "groups",
+                    "relaxation",
+                    "safety"},
+                   "--paper, which sets the parameters of sec. 7.1");
   CheckRange("seeds", FLAGS_seeds, 1, 100000);
   CheckRange("particles", FLAGS_particles, 1, 100000);
   if (FLAGS_smoke) {
@@ -689,6 +691,7 @@ int RunPaper() {
                                {"tolerance", FLAGS_tolerance},
                                {"iterations", FLAGS_iterations},
                                {"sweep", FLAGS_sweep},
+                               {"groups", FLAGS_groups},
                                {"safety", FLAGS_safety},
                                {"relaxation", FLAGS_relaxation},
                                {"duration", FLAGS_duration}});
@@ -782,7 +785,8 @@ int RunPaper() {
   // Tables.
   std::string runs_csv = "variant,strength,alpha1,alpha2,seed";
   for (const char* name : kRunNumbers) runs_csv += std::string(",") + name;
-  runs_csv += "\n";
+  runs_csv += ",error\n";
+  Json failed = Json::array();
   std::string energy_csv =
       "variant,strength,time,kinetic,kinetic_deviation,relative_fraction,"
       "relative_fraction_deviation,boundary,boundary_deviation,first_kinetic,"
@@ -802,11 +806,18 @@ int RunPaper() {
                            kPaperStrengths[c].alpha1,
                            kPaperStrengths[c].alpha2,
                            static_cast<unsigned long long>(FLAGS_seed + s));
+        const std::string& fault = first[s].error;
         for (std::size_t k = 0; k < numbers.size(); ++k) {
-          columns[k].push_back(numbers[k]);
-          runs_csv += Format(",%.17g", numbers[k]);
+          if (fault.empty()) columns[k].push_back(numbers[k]);
+          runs_csv += fault.empty() ? Format(",%.17g", numbers[k]) : ",";
         }
-        runs_csv += "\n";
+        runs_csv += "," + Field(fault) + "\n";
+        if (!fault.empty()) {
+          failed.push_back({{"variant", kVariants[v].name},
+                            {"alpha1", kPaperStrengths[c].alpha1},
+                            {"seed", FLAGS_seed + s},
+                            {"error", fault}});
+        }
       }
       Json row = {{"alpha1", kPaperStrengths[c].alpha1},
                   {"alpha2", kPaperStrengths[c].alpha2}};
@@ -820,6 +831,7 @@ int RunPaper() {
         std::vector<double> kinetic, fraction, wrap;
         for (int s = 0; s < seeds; ++s) {
           const PaperRun& r = first[s];
+          if (!r.error.empty()) continue;
           if (t >= static_cast<int>(r.bulk.size())) continue;
           kinetic.push_back(r.bulk[t] + r.relative[t]);
           fraction.push_back(r.relative[t] / (r.bulk[t] + r.relative[t]));
@@ -849,6 +861,7 @@ int RunPaper() {
   }
   json["strengths"] = variants[kVariants[0].name];
   json["variants"] = variants;
+  json["failed"] = failed;
   json["particles"] = FLAGS_particles;
   json["seeds"] = seeds;
   json["duration"] = FLAGS_duration;
@@ -915,8 +928,15 @@ int RunPaper() {
   std::printf("\n  the start has relative part %.3f; %.3g s\n",
               json["strengths"][0]["relative_fraction0"].get<double>(),
               json["seconds"].get<double>());
+  for (const Json& run : failed) {
+    std::printf("  failed: %s, alpha1 = %g, seed %llu: %s\n",
+                run.at("variant").get<std::string>().c_str(),
+                run.at("alpha1").get<double>(),
+                run.at("seed").get<unsigned long long>(),
+                run.at("error").get<std::string>().c_str());
+  }
   output.PrintFiles();
-  return kConverged;
+  return failed.empty() ? kConverged : kNotConverged;
 }
 
 int Main() {
@@ -937,6 +957,9 @@ int Main() {
       BadInput("--study=" + FLAGS_study +
                " must be work_precision, remark8, oscillator or throughput");
     }
+    std::vector<std::string> used = StudyFlags(FLAGS_study);
+    used.insert(used.end(), {"study", "threads"});
+    RefuseOtherFlags(used, "--study=" + FLAGS_study);
     CheckRange("seeds", FLAGS_seeds, 1, 100000);
     Output output;
     std::vector<std::string> names = StudyFiles(FLAGS_study);

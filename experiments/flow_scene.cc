@@ -10,7 +10,6 @@
 #include "solvers/registry.h"
 
 // ---- the start
-DEFINE_int32(particles, 100, "number of grains n of a random start");
 DEFINE_double(side, 1.0, "side D of the cube around 0, m");
 DEFINE_double(length_ratio,
               0.25,
@@ -24,10 +23,6 @@ DEFINE_int32(attempts,
              10000,
              "places tried for a grain of a random start; 0: the first, "
              "overlaps and all");
-DEFINE_string(input,
-              "",
-              "extended XYZ file (spheres in a cube) for centres and radii "
-              "instead of a random start");
 DEFINE_bool(relax_overlaps,
             false,
             "first move overlapping grains apart, with --solver on the contact "
@@ -89,7 +84,6 @@ DEFINE_string(
 DEFINE_double(duration, 1.0, "end of the run, s");
 DEFINE_double(dt, 0.01, "time step, or its upper limit, s");
 DEFINE_double(first_dt, 0.001, "first step of implicit, s");
-DEFINE_double(tolerance, 1e-8, "TOL of an implicit step");
 DEFINE_int32(iterations, 10, "K_d, in which an implicit step must converge");
 DEFINE_string(sweep,
               "jacobi",
@@ -192,6 +186,10 @@ FlowSceneOptions MakeSceneOptions() {
   ReadVector("gravity", FLAGS_gravity, external.constant);
   ReadVector("force", FLAGS_force, external.amplitude);
   external.frequency = FLAGS_force_frequency;
+  if (!std::isfinite(FLAGS_force_frequency)) {
+    BadInput(
+        Format("--force_frequency=%g must be finite", FLAGS_force_frequency));
+  }
   bool has_external = false;
   for (int k = 0; k < 3; ++k) {
     has_external = has_external || external.constant[k] != 0.0 ||

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "experiments/flow_work.h"
 #include "gflags/gflags.h"
 #include "granular/flow/flow.h"
 #include "granular/flow/stepper.h"
@@ -63,22 +64,19 @@ DECLARE_string(solver);
 
 namespace granopt {
 
-// A scene and its start.
-struct FlowCase {
-  std::unique_ptr<FlowScene> scene;
-  FlowState state;
-};
-
 // The scene that the flags describe, started from --seed or --input; not begun.
 // False with one line in `error` where numbers do not go together (mu_d > mu_s)
 // or a start is impossible; BadInput for a flag that is wrong by itself.
 // `relaxed`: what --relax_overlaps did.
 bool MakeCase(FlowCase* made, std::string* relaxed, std::string* error);
 
+// What the flags of steps describe; BadInput for one that is wrong.
 StepperOptions MakeStepperOptions();
 std::unique_ptr<Stepper> MakeStepper();
 
-// One frame of extended XYZ; 9 digits are enough to look at, 17 to go on.
+// One frame of extended XYZ with velocities; 9 digits are enough to look at, 17
+// hold every bit. (--input takes centres and radii of it only; a run goes on
+// from its checkpoint.)
 std::string Frame(const FlowScene& scene, const FlowState& state, int digits);
 
 }  // namespace granopt

@@ -18,6 +18,7 @@ struct Group {
   const char* title;
 };
 constexpr Group kShared[] = {
+    {"flow_flags.cc", "The flow"},
     {"flow_scene.cc", "The flow"},
     {"scene.cc", "The packing, and how far it is relaxed"},
     {"method.cc", "The method"},

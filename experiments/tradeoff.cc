@@ -6,6 +6,7 @@
 //   jamming
 //                                                        and over-jammed
 //   tradeoff --input=F.xyz --case=simple_shear=1e-4      a scene of one's own
+//   tradeoff --flow      ways to run a near-field flow (tradeoff_flow.cc)
 //   tradeoff --recommend --accuracy=1e-6 [--observable=pressure] --input=...
 //                        measures briefly, prints the flags of the cheapest
 //                        setting that reaches it
@@ -30,6 +31,7 @@
 #include "experiments/run.h"
 #include "experiments/scene.h"
 #include "experiments/tabular.h"
+#include "experiments/tradeoff_flow.h"
 #include "granular/jamming.h"
 #include "granular/linear_response.h"
 #include "granular/plastic_events.h"
@@ -62,7 +64,8 @@ DEFINE_string(
     observable,
     "pressure",
     "with --recommend: energy, pressure, shear_stress, shear_modulus, "
-    "coordination or places");
+    "coordination or places; of flows kinetic, relative_part, places or "
+    "drift");
 
 namespace granopt {
 namespace {
@@ -518,6 +521,8 @@ int ObservableOf(const std::string& name) {
 }
 
 int Main() {
+  if (FLAGS_flow) return FlowTradeoff();
+  RefuseFlowFlags();
   CheckPositive("accuracy", FLAGS_accuracy);
   CheckRange("accuracy", FLAGS_accuracy, 0.0, 1.0);
   CheckRange("repetitions", FLAGS_repetitions, 1, 1000);

@@ -95,7 +95,10 @@ ImpactWork ApplyImpacts(const std::vector<Impact>& impacts,
     ++work.impulses;
     const double after = approach - p * (wi + wj);
     work.normal -= 0.5 * p * (approach + after);
+    // 1: grain i is held in place, so that j alone takes the impulse; -1: j is.
+    const double pinned = wi == 0.0 ? 1.0 : wj == 0.0 ? -1.0 : 0.0;
     for (int k = 0; k < 3; ++k) {
+      work.fixed[k] += pinned * p * impact.normal[k];
       u[k * stride + impact.i] -= p * wi * impact.normal[k];
       u[k * stride + impact.j] += p * wj * impact.normal[k];
     }
@@ -109,6 +112,7 @@ ImpactWork ApplyImpacts(const std::vector<Impact>& impacts,
     work.sticking += friction.sticks ? 1 : 0;
     for (int k = 0; k < 3; ++k) {
       const double q = friction.impulse[k];
+      work.fixed[k] += pinned * q;
       work.friction -= q * (slide[k] - 0.5 * q * (wi + wj));
       u[k * stride + impact.i] -= q * wi;
       u[k * stride + impact.j] += q * wj;

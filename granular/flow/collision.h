@@ -51,6 +51,7 @@ struct ImpactWork {
   double friction = 0.0;
   int impulses = 0;
   int sticking = 0;
+  double fixed[3] = {};  // momentum that grains held in place gave the others
 };
 
 // e of every overlapping pair at velocities v.

@@ -129,6 +129,20 @@ std::unique_ptr<FlowScene> FlowScene::Create(const FlowSceneOptions& options,
                error)) {
     return nullptr;
   }
+  if (options.external) {
+    const ExternalForce& force = *options.external;
+    double sum = force.frequency * 0.0 + force.phase * 0.0;
+    for (int k = 0; k < 3; ++k) {
+      sum += force.constant[k] * 0.0 + force.amplitude[k] * 0.0;
+    }
+    if (sum != 0.0) {
+      *error = Format(
+          "external force: frequency %g, phase %g and vectors must be finite",
+          force.frequency,
+          force.phase);
+      return nullptr;
+    }
+  }
   const double largest =
       *std::max_element(grains.radius.begin(), grains.radius.end());
   if (options.domain.kind != Domain::Kind::OPEN &&
@@ -434,6 +448,15 @@ void FlowScene::Book(const SmoothForces& forces,
   }
 }
 
+void FlowScene::BookImpacts(const ImpactWork& work, FlowState* state) const {
+  state->energy.impact += work.normal;
+  state->energy.friction += work.friction;
+  state->impulses += work.impulses;
+  state->sticking += work.sticking;
+  if (options_.grains.is_pinned.empty()) return;
+  for (int k = 0; k < 3; ++k) state->momentum.fixed[k] += work.fixed[k];
+}
+
 void FlowScene::BookDamping(const double* impulse_velocity,
                             double duration,
                             const double* u,
@@ -514,12 +537,14 @@ bool FlowScene::HasCollapsed(const double* x,
 
 std::string FlowScene::DescribeClosest(const double* x, double* ratio) const {
   *ratio = std::numeric_limits<double>::infinity();
+  const double period = options_.domain.period();
   int first = 0, second = 0;
   for (int i = 0; i < n_; ++i) {
     for (int j = i + 1; j < n_; ++j) {
       double square = 0.0;
       for (int k = 0; k < 3; ++k) {
-        const double d = x[k * stride_ + j] - x[k * stride_ + i];
+        double d = x[k * stride_ + j] - x[k * stride_ + i];
+        if (period > 0.0) d -= period * std::nearbyint(d / period);
         square += d * d;
       }
       const double r = std::sqrt(square) /
@@ -555,9 +580,11 @@ bool MakeStart(const FlowStart& start,
   state->x.assign(3 * static_cast<std::size_t>(stride), 0.0);
   state->v = state->x;
   UniformRandom random(start.seed);
-  // Cells of one diameter with the grains placed so far, for large n.
-  const int cells =
-      std::clamp(static_cast<int>(start.side / (2.0 * radius)), 1, 400);
+  // Cells of one diameter or more with the grains placed so far, for large n;
+  // at most some eight a grain, however small the grains.
+  const int most = static_cast<int>(std::ceil(std::cbrt(8.0 * n)));
+  const int cells = static_cast<int>(std::clamp(
+      start.side / (2.0 * radius), 1.0, std::min(400.0, 1.0 * most)));
   std::vector<int> first(static_cast<std::size_t>(cells) * cells * cells, -1);
   std::vector<int> next(n, -1);
   const auto cell_of = [&](double y) {

@@ -58,7 +58,9 @@ struct FlowState {
   std::vector<double> x, v;
   std::int64_t steps = 0;
   std::int64_t rejected = 0;
-  std::int64_t sweeps = 0;    // evaluations of all smooth forces
+  std::int64_t sweeps = 0;  // evaluations of all smooth forces
+  // The last of them was at x: Verlet's next step begins with those forces.
+  bool is_evaluated = false;
   std::int64_t impulses = 0;  // of impacts
   std::int64_t sticking = 0;  // of which stuck
   std::int64_t jumps = 0;     // of grains at the boundary
@@ -149,6 +151,7 @@ class FlowScene {
             const double* u,
             const double* v,
             FlowState* state) const;
+  void BookImpacts(const ImpactWork& work, FlowState* state) const;
   void BookDamping(const double* impulse_velocity,
                    double duration,
                    const double* u,

@@ -115,9 +115,6 @@ class ImplicitStepper : public Stepper {
     double first_change = 1.0;
     *factor = 0.5;
     change_ = std::numeric_limits<double>::infinity();
-    if (options_.starts_ballistic) {
-      for (std::size_t e = 0; e < x_.size(); ++e) x_[e] += dt * state->v[e];
-    }
     for (int k = 1; k <= options_.desired_iterations; ++k) {
       iterations_ = k;
       ++report->iterations;
@@ -125,7 +122,7 @@ class ImplicitStepper : public Stepper {
       const bool is_known = k > 1 && options_.sweep != Sweep::JACOBI &&
                             scene.near_field() != nullptr &&
                             !scene.options().soft_contact;
-      if (k == 1 && !options_.starts_ballistic && !scene.options().external) {
+      if (k == 1 && !scene.options().external) {
         used_ = start_;
       } else if (!is_known) {
         scene.Forces(x_.data(), state->time + dt, false, &used_);
@@ -268,10 +265,7 @@ class ImplicitStepper : public Stepper {
               StepReport* report) {
     scene.Book(used_, dt, u_.data(), v_.data(), state);
     scene.BookDamping(v_.data(), dt, u_.data(), v_.data(), state);
-    state->energy.impact += work_.normal;
-    state->energy.friction += work_.friction;
-    state->impulses += work_.impulses;
-    state->sticking += work_.sticking;
+    scene.BookImpacts(work_, state);
     state->worst_balance = std::max(state->worst_balance, scene.Balance(used_));
     state->fast += scene.LargestMove(v_.data(), dt) > 1.0 ? 1 : 0;
     state->x.swap(x_);

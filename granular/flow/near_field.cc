@@ -33,8 +33,6 @@ RadialValues EvaluateLaw(const RadialLaw& law, double distance) {
   return Evaluate(law, distance * distance, NearFieldLaws());
 }
 
-bool IsStable(const RadialLaw& law) { return EquilibriumDistance(law) > 0.0; }
-
 double EquilibriumDistance(const RadialLaw& law) {
   if (law.form == RadialLaw::Form::MORSE) {
     return law.depth > 0.0 ? law.distance : 0.0;

@@ -21,10 +21,9 @@ struct RadialValues {
 };
 RadialValues EvaluateLaw(const RadialLaw& law, double distance);
 
-// True if V(d) has one stable equilibrium: beta2 > beta1 (2.8), a Morse well.
-bool IsStable(const RadialLaw& law);
-// d_e = (alpha2 / alpha1)^(1 / (beta2 - beta1))  (2.7); the Morse distance; 0
-// where there is none.
+// Of the stable equilibrium of V(d), d_e = (alpha2 / alpha1)^(1 / (beta2 -
+// beta1)) (2.7) for beta2 > beta1 (2.8); the Morse distance; 0 where there is
+// none.
 double EquilibriumDistance(const RadialLaw& law);
 
 // Where the multipole method began to be the faster one, for exponents 1 and 2.
@@ -48,8 +47,9 @@ struct NearFieldOptions {
 // Coordinates and forces are in the layout of near_field_loops.h, SI units or
 // any other consistent ones. Forces are pure functions of the positions and the
 // same bits on any number of threads and for every instruction set. Each pair
-// is visited once: n^2 / 2 pairs. Grains at one have no direction:
-// LastLeastDistance() is then 0 and forces are not finite.
+// is visited once: n^2 / 2 pairs. Grains at one place have no direction:
+// LastLeastDistance() is then 0, and their forces are void: not finite for most
+// laws, without that pair for others.
 //
 // Not here: three-body terms of (9.1).
 class NearField {

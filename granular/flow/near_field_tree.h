@@ -13,10 +13,10 @@
 namespace granopt {
 
 // A fast multipole method for powers d^-beta, beta >= 1, without images. Cells
-// of an octree that are far from each other act through the Taylor series of V
-// in the difference s - t of places in the two cells, to total order P in both;
-// others act pair by pair. The series is antisymmetric in the two cells, so
-// that momentum is kept to roundoff.
+// of a binary tree that are far from each other act through the Taylor series
+// of V in the difference s - t of places in the two cells, to total order P in
+// both; others act pair by pair. The series is antisymmetric in the two cells,
+// so that momentum is kept to roundoff.
 //
 // Bound. At distance D of the centres and with q = |s - t| / D the m-th term of
 // the force of a grain of weight w is at most

@@ -42,8 +42,6 @@ struct StepperOptions {
   double order = 2.0;           // p of eta = S Dt^p
   double safety = 0.9;          // times Dt of (6.8)
   double relaxation = 1.0;      // gamma of (6.13)
-  // First guess r + Dt v instead of r.
-  bool starts_ballistic = false;
   bool is_adaptive = true;
   // Dt below this part of the limit ends the run.
   double floor = 1e-9;
@@ -56,9 +54,11 @@ class Stepper {
  public:
   virtual ~Stepper() = default;
   // Takes one step of at most `limit`: x, v, time, the step to try next, counts
-  // and ledgers of `state`. False with one line in `error`, the state as it was
-  // but for counts, where that is impossible: "step floor: ...", "collapse:
-  // ...", "coincident grains: ...".
+  // and ledgers of `state`. False with one line in `error`: the state as it was
+  // but for counts where no step is possible ("step floor ...", "collapse
+  // ...": Dt would fall below its floor, or forces are not finite), the state
+  // after the step where that brought two grains so near each other that
+  // nothing holds them apart ("collapse ...", FlowScene::HasCollapsed()).
   virtual bool Step(const FlowScene& scene,
                     double limit,
                     FlowState* state,
@@ -101,19 +101,26 @@ std::unique_ptr<Stepper> CreateVerletStepper(const StepperOptions& options);
 std::unique_ptr<Stepper> CreateMinimizingStepper(
     const StepperOptions& options, std::unique_ptr<Solver> solver);
 
+// True if Phi of a step of that length has a positive definite tangent at r^L:
+// m / Dt^2 + d / Dt + V''. From there Newton's method has a direction; wherever
+// the fixed point contracts it is so.
+bool HasConvexStep(const FlowScene& scene, const FlowState& state, double dt);
+
 // False, with one line in `error`, for a method that cannot serve Phi.
 bool SolvesSteps(const Solver& solver, std::string* error);
 
 // Steps until `end`; false with the stepper's error. `observer` sees each
 // accepted step and may stop the run by returning false (which is no error:
-// state->time tells).
+// state->time tells). `last` (may be null): what the step that failed reports,
+// its rejections above all, which `observer` does not see.
 bool RunFlow(
     const FlowScene& scene,
     double end,
     Stepper* stepper,
     const std::function<bool(const FlowState&, const StepReport&)>& observer,
     FlowState* state,
-    std::string* error);
+    std::string* error,
+    StepReport* last = nullptr);
 
 }  // namespace granopt
 

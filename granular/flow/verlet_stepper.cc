@@ -31,7 +31,9 @@ class VerletStepper : public Stepper {
     if (has_forces &&
         (state->x != evaluated_x_ || state->time != evaluated_time_)) {
       scene.Forces(state->x.data(), state->time, false, &before_);
-      ++state->sweeps;
+      // What the step before has paid for is not work of the flow: a run that
+      // is resumed counts what it would have without the break.
+      if (!state->is_evaluated) ++state->sweeps;
     }
     u_ = state->v;
     ImpactWork work;
@@ -109,10 +111,7 @@ class VerletStepper : public Stepper {
       scene.BookDamping(u_.data(), 0.5 * dt, u_.data(), v_.data(), state);
       scene.BookDamping(v_.data(), 0.5 * dt, u_.data(), v_.data(), state);
     }
-    state->energy.impact += work.normal;
-    state->energy.friction += work.friction;
-    state->impulses += work.impulses;
-    state->sticking += work.sticking;
+    scene.BookImpacts(work, state);
     if (!is_free) {
       state->worst_balance =
           std::max(state->worst_balance, scene.Balance(after_));
@@ -130,6 +129,7 @@ class VerletStepper : public Stepper {
     std::swap(before_, after_);
     evaluated_x_.swap(end_x_);
     evaluated_time_ = state->time;
+    state->is_evaluated = has_forces && state->x == evaluated_x_;
     report->step = dt;
     report->iterations = 1;
     return !scene.HasCollapsed(state->x.data(), state->time, error);

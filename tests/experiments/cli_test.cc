@@ -1236,29 +1236,43 @@ TEST_F(Cli, FlowResumesToTheSameBits) {
       Do("flow", "--duration=0.4 --resume --mu_s=0.3 " + flags + "cut");
   EXPECT_EQ(other.status, 2);
   EXPECT_NE(other.err.find("begun with mu_s"), std::string::npos) << other.err;
+  const Outcome denser =
+      Do("flow", "--duration=0.4 --resume --density=1000 " + flags + "cut");
+  EXPECT_EQ(denser.status, 2);
+  EXPECT_NE(denser.err.find("begun with density"), std::string::npos)
+      << denser.err;
 }
 
 TEST_F(Cli, FlowRefusesInOneLine) {
   const struct {
     const char* arguments;
     const char* words;
-  } cases[] = {{"--restitution=1.2", "restitution e = 1.2 must be in [0, 1]"},
-               {"--mu_d=0.3", "mu_d = 0.3 > mu_s = 0.2"},
-               {"--length_ratio=0.6", "placement impossible: "},
-               {"--attempts=0 --length_ratio=0.3", "overlapping start: "},
-               {"--law=foo", "--law=foo must be powers"},
-               {"--domain=foo", "--domain=foo must be"},
-               {"--stepper=foo", "--stepper=foo must be"},
-               {"--contacts=soft --mu_s=0.1", "--mu_s is of impacts"},
-               {"--tolerance=1e-17", "below the roundoff of positions"},
-               {"--mean_velocity=1,2", "must be three numbers"},
-               {"--alpha1=-1", "alpha1 = -1"},
-               {"--study=foo", "--study=foo must be"},
-               {"--paper --alpha1=1", "--alpha1 cannot go with --paper"},
-               {"--stepper=minimize --solver=nothing", "--solver: "},
-               {"--stepper=minimize --solver=interior_point", "--solver: "},
-               {"--input=missing.xyz", "--input: "},
-               {"--particles=0", "--particles=0 must be in"}};
+  } cases[] = {
+      {"--restitution=1.2", "restitution e = 1.2 must be in [0, 1]"},
+      {"--mu_d=0.3", "mu_d = 0.3 > mu_s = 0.2"},
+      {"--length_ratio=0.6", "placement impossible: "},
+      {"--attempts=0 --length_ratio=0.3", "overlapping start: "},
+      {"--law=foo", "--law=foo must be powers"},
+      {"--domain=foo", "--domain=foo must be"},
+      {"--stepper=foo", "--stepper=foo must be"},
+      {"--contacts=soft --mu_s=0.1", "--mu_s is of impacts"},
+      {"--tolerance=1e-17", "below the roundoff of positions"},
+      {"--mean_velocity=1,2", "must be three numbers"},
+      {"--alpha1=-1", "alpha1 = -1"},
+      {"--study=foo", "--study=foo must be"},
+      {"--paper --alpha1=1", "--alpha1 cannot go with --paper"},
+      {"--paper --field_accuracy=1e-2",
+       "--field_accuracy cannot go with --paper"},
+      {"--study=remark8 --dt=0.1", "--dt cannot go with --study=remark8"},
+      {"--study=oscillator --seeds=3",
+       "--seeds cannot go with --study=oscillator"},
+      {"--force=1,0,0 --force_frequency=nan",
+       "--force_frequency=nan must be finite"},
+      {"--force_frequency=nan", "--force_frequency=nan must be finite"},
+      {"--stepper=minimize --solver=nothing", "--solver: "},
+      {"--stepper=minimize --solver=interior_point", "--solver: "},
+      {"--input=missing.xyz", "--input: "},
+      {"--particles=0", "--particles=0 must be in"}};
   for (const auto& c : cases) {
     ExpectRefused("flow", std::string(c.arguments) + " --out=out", c.words);
   }
@@ -1270,7 +1284,11 @@ TEST_F(Cli, FlowSaysWhyItStopped) {
   EXPECT_EQ(run.status, 1);
   EXPECT_EQ(run.err.find("flow: collapse at t = "), 0u) << run.err;
   EXPECT_EQ(Lines(run.err), 1) << run.err;
-  EXPECT_GT(Lines(Slurp(folder_ + "/out/rejections.csv")), 1);
+  // Those of the step that was the last one are in there, too.
+  const int rows = Lines(Slurp(folder_ + "/out/rejections.csv")) - 1;
+  EXPECT_GT(rows, 1);
+  const auto json = nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
+  EXPECT_EQ(json.at("counts").at("rejected_steps"), rows);
 }
 
 TEST_F(Cli, FlowPaperAndStudies) {
@@ -1293,6 +1311,49 @@ TEST_F(Cli, FlowPaperAndStudies) {
   }
 }
 
+TEST_F(Cli, FlowPaperResumesOnlyWithTheSameGroups) {
+  const std::string flags = "--paper --smoke --sweep=groups --out=out";
+  ASSERT_EQ(Do("flow", flags).status, 0);
+  ASSERT_TRUE(Exists(folder_ + "/out/checkpoint.cbor"));
+  const Outcome other = Do("flow", flags + " --groups=2 --resume");
+  EXPECT_EQ(other.status, 2);
+  EXPECT_NE(other.err.find("begun with groups"), std::string::npos)
+      << other.err;
+}
+
+// Runs that fail are told in the tables, and spoil no others.
+TEST_F(Cli, FlowPaperRecordsWhatFails) {
+  // Ways of a thousandth: no step is short enough for ten iterations.
+  const Outcome run =
+      Do("flow", "--paper --smoke --relaxation=0.001 --out=out");
+  EXPECT_EQ(run.status, 1) << run.out << run.err;
+  EXPECT_NE(run.out.find("failed: constant_e, alpha1 = 0.5, seed "),
+            std::string::npos)
+      << run.out;
+  const auto json = nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
+  EXPECT_GT(json.at("failed").size(), 0u);
+  EXPECT_NE(Slurp(folder_ + "/out/runs.csv").find("step floor"),
+            std::string::npos);
+}
+
+TEST_F(Cli, FlowResumesWithTheSameCounts) {
+  const std::string flags =
+      "--stepper=verlet --dt=2e-3 --checkpoint_every=20 --duration=0.3 --out=";
+  ASSERT_EQ(Do("flow", flags + "whole").status, 0);
+  const std::string command =
+      "cp -r whole cut && rm cut/summary.json && "
+      "cp cut/checkpoint.cbor.previous cut/checkpoint.cbor";
+  ASSERT_EQ(std::system(("cd '" + folder_ + "' && " + command).c_str()), 0);
+  ASSERT_EQ(Do("flow", "--resume " + flags + "cut").status, 0);
+  nlohmann::json counts[2];
+  for (const int k : {0, 1}) {
+    const std::string file =
+        folder_ + (k == 0 ? "/whole" : "/cut") + "/summary.json";
+    counts[k] = nlohmann::json::parse(Slurp(file)).at("counts");
+  }
+  EXPECT_EQ(counts[0], counts[1]);
+}
+
 TEST_F(Cli, FlowStartsFromAFile) {
   // Two spheres that overlap: refused, then relaxed.
   const std::string file =
@@ -1306,6 +1367,73 @@ TEST_F(Cli, FlowStartsFromAFile) {
       Do("flow", "--relax_overlaps --input=" + file + " --out=out");
   EXPECT_EQ(run.status, 0) << run.err;
   EXPECT_NE(run.out.find("overlaps relaxed: "), std::string::npos) << run.out;
+}
+
+TEST_F(Cli, TradeoffOfFlowsNamesTheCheapestWay) {
+  const std::string flags =
+      "--flow --smoke --flow_scenes=smooth,many --out=out";
+  const Outcome run = Do("tradeoff", flags + " --jobs=2");
+  ASSERT_EQ(run.status, 0) << run.out << run.err;
+  EXPECT_NE(run.out.find("for this accuracy use this"), std::string::npos);
+  const auto json = nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
+  EXPECT_EQ(json.at("schema"), "granopt/tradeoff_flow/1");
+  int verlet = 0, found = 0;
+  for (const auto& best : json.at("recommendations")) {
+    EXPECT_LE(best.at("error").get<double>(),
+              best.at("accuracy").get<double>());
+    if (best.at("scene") != "smooth") continue;
+    ++found;
+    verlet +=
+        best.at("flags").get<std::string>().find("verlet") != std::string::npos;
+  }
+  EXPECT_GT(found, 10);
+  EXPECT_EQ(verlet, found);
+  // Steps half as long have smaller errors, until the exact flow is not known
+  // any better.
+  const std::vector<std::string> rows =
+      Rows(Slurp(folder_ + "/out/tradeoff_flow.csv"));
+  EXPECT_EQ(rows.size(), 1u + 66 + 14);
+  // All of it is there: nothing is run again, and numbers stay what they are.
+  const std::string csv = Slurp(folder_ + "/out/tradeoff_flow.csv");
+  const Outcome again = Do("tradeoff", flags + " --resume");
+  ASSERT_EQ(again.status, 0) << again.out << again.err;
+  EXPECT_NE(again.out.find("3 of them complete, not run again"),
+            std::string::npos)
+      << again.out;
+  EXPECT_EQ(Slurp(folder_ + "/out/tradeoff_flow.csv"), csv);
+}
+
+TEST_F(Cli, TradeoffRecommendsFlagsThatFlowTakes) {
+  const std::string scene =
+      "--alpha1=0.1 --alpha2=0.05 --contacts=none "
+      "--domain=open --particles=20 --duration=0.1 ";
+  const Outcome run = Do("tradeoff",
+                         scene +
+                             "--flow --recommend --smoke --seeds=1 "
+                             "--accuracy=1e-3 --out=out");
+  ASSERT_EQ(run.status, 0) << run.out << run.err;
+  const auto json = nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
+  const std::string flags = json.at("recommended");
+  EXPECT_NE(run.out.find("use  " + flags), std::string::npos) << run.out;
+  EXPECT_EQ(Do("flow", scene + flags + " --out=flow").status, 0);
+}
+
+TEST_F(Cli, TradeoffOfFlowsRefusesInOneLine) {
+  const struct {
+    const char* arguments;
+    const char* words;
+  } cases[] = {{"--alpha1=0.1", "--alpha1 describes a flow: give --flow, too"},
+               {"--jobs=2", "--jobs needs --flow"},
+               {"--flow --phi=0.9", "--phi cannot go with --flow"},
+               {"--flow --dt=0.1", "--dt is what --flow varies"},
+               {"--flow --observable=pressure", "is none of kinetic"},
+               {"--flow --flow_scenes=sand", "'sand' is none of smooth"},
+               {"--flow --flow_scenes=paper --alpha1=0.1",
+                "--flow_scenes does not name"},
+               {"--flow --recommend --mu_d=0.3", "mu_d = 0.3 > mu_s = 0.2"}};
+  for (const auto& c : cases) {
+    ExpectRefused("tradeoff", std::string(c.arguments) + " --out=out", c.words);
+  }
 }
 
 // ---- shear

@@ -113,6 +113,32 @@ TEST(Collision, RestitutionFollowsTheVelocity) {
   EXPECT_EQ(Restitution(options, 5.0), 0.1);
 }
 
+// e of a frozen impact is that of the normal velocities at the start of the
+// step, however they slide.
+TEST(Collision, FrozenImpactsKnowTheirRestitution) {
+  const int stride = FlowStride(3);
+  std::vector<double> v(3 * stride, 0.0);
+  v[0] = 0.3, v[1] = -0.1, v[2] = 5.0;
+  v[stride] = 7.0;
+  std::vector<ClosePair> pairs(2);
+  pairs[0].i = 0, pairs[0].j = 1, pairs[0].normal[0] = 1.0;
+  pairs[1].i = 1, pairs[1].j = 2, pairs[1].normal[0] = -1.0;
+  ImpactOptions options;
+  options.restitution = 0.5;
+  options.velocity_scale = 2.0;
+  std::vector<Impact> impacts;
+  FreezeImpacts(pairs, options, stride, v.data(), &impacts);
+  ASSERT_EQ(impacts.size(), 2u);
+  EXPECT_EQ(impacts[0].restitution, 0.5);
+  EXPECT_EQ(impacts[1].normal[0], -1.0);
+  options.is_velocity_dependent = true;
+  FreezeImpacts(pairs, options, stride, v.data(), &impacts);
+  ASSERT_EQ(impacts.size(), 2u);
+  // (5.13): 0.5 (1 - 0.4 / 2), and e- at 5.1 m/s.
+  EXPECT_NEAR(impacts[0].restitution, 0.4, 1e-15);
+  EXPECT_NEAR(impacts[1].restitution, 0.1, 1e-15);
+}
+
 TEST(Collision, HeadOn) {
   Bodies two(2);
   two.x[1] = 0.99;
@@ -238,6 +264,8 @@ TEST(Collision, PinnedGrainReflects) {
   const auto u = two.Collide(options, 0.01, false, &work);
   EXPECT_NEAR(u[0], -0.7, 1e-15);
   EXPECT_EQ(u[1], 0.0);
+  // What it gave to the other.
+  EXPECT_NEAR(work.fixed[0], -1.7, 1e-15);
 }
 
 TEST(ContactSearch, FindsWhatComparingAllFinds) {

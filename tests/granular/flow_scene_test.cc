@@ -142,6 +142,75 @@ TEST(FlowScene, RefusesWhatMakesNoSense) {
   bad.domain.side = 0.1;
   refused(bad, "smaller than four radii");
   refused({}, "at least one grain");
+  bad = good;
+  bad.external = ExternalForce();
+  bad.external->frequency = NAN;
+  refused(bad, "external force: frequency nan");
+  bad.external = ExternalForce();
+  bad.external->constant[2] = INFINITY;
+  refused(bad, "must be finite");
+}
+
+TEST(FlowScene, WeightsAreMassAreaOrOne) {
+  // Two grains of different size at distance d: alpha w_1 w_2 / d.
+  const double d = 0.3, pi = 3.14159265358979323846;
+  FlowSceneOptions options;
+  options.grains.mass = {2.0, 5.0};
+  options.grains.radius = {0.01, 0.03};
+  options.near_field = NearFieldOptions();
+  options.near_field->law = RadialLaw::Powers(0.7, 1.0, 0.0, 2.0);
+  std::vector<double> x(24, 0.0);
+  x[1] = d;
+  const struct {
+    FlowSceneOptions::Weight weight;
+    double product;
+  } cases[] = {
+      {FlowSceneOptions::Weight::MASS, 10.0},
+      {FlowSceneOptions::Weight::AREA, 16.0 * pi * pi * 1e-4 * 9e-4},
+      {FlowSceneOptions::Weight::ONE, 1.0},
+  };
+  for (const auto& c : cases) {
+    options.weight = c.weight;
+    std::string error;
+    const auto scene = FlowScene::Create(options, &error);
+    ASSERT_NE(scene, nullptr) << error;
+    SmoothForces forces;
+    scene->Forces(x.data(), 0.0, true, &forces);
+    const double pull = 0.7 * c.product / d;
+    EXPECT_NEAR(forces.near_field[0], pull, 1e-13 * pull);
+    EXPECT_NEAR(forces.near_field[1], -pull, 1e-13 * pull);
+  }
+}
+
+TEST(FlowScene, TheClosestPairMayBeAnImage) {
+  Start start = RandomStart(3, 0.1, 10000, 1.0);
+  const int stride = start.options.grains.stride();
+  for (int k = 1; k < 3; ++k) {
+    for (int i = 0; i < 3; ++i) start.state.x[k * stride + i] = 0.0;
+  }
+  start.state.x[0] = -0.45, start.state.x[1] = 0.0, start.state.x[2] = 0.45;
+  const double diameter = 2.0 * start.options.grains.radius[0];
+  for (const bool periodic : {true, false}) {
+    start.options.domain.kind =
+        periodic ? Domain::Kind::NEAREST_IMAGE : Domain::Kind::REENTRY;
+    std::string error;
+    const auto scene = FlowScene::Create(start.options, &error);
+    double ratio;
+    const std::string text =
+        scene->DescribeClosest(start.state.x.data(), &ratio);
+    EXPECT_NEAR(ratio * diameter, periodic ? 0.1 : 0.45, 1e-12);
+    EXPECT_EQ(text.find(periodic ? "grains 0 and 2" : "grains "), 0u) << text;
+  }
+}
+
+TEST(FlowStart, TinyGrainsTakeNoGridOfTheirOwnSize) {
+  // Cells as small as these grains would be 64 million.
+  const Start start = RandomStart(1000, 1e-3, 10000);
+  EXPECT_EQ(Overlaps(start), 0);
+  // The places do not depend on the grid.
+  const Start larger = RandomStart(1000, 0.1, 0);
+  const Start smaller = RandomStart(1000, 1e-3, 0);
+  EXPECT_EQ(larger.state.x, smaller.state.x);
 }
 
 // A scene without an ingredient holds no memory for it.

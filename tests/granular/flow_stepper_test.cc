@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "granular/flow/flow.h"
+#include "granular/flow/incremental_potential.h"
 #include "granular/flow/stepper.h"
 #include "gtest/gtest.h"
 #include "solvers/registry.h"
@@ -250,6 +251,54 @@ TEST(FlowInvariants, LedgerClosesForEveryStepper) {
       EXPECT_LE(flow.state.energy.friction, 0.0);
       EXPECT_LT(flow.state.energy.damping, 0.0);
     }
+  }
+}
+
+// Pinned grains take momentum from fields and impacts: all of it is booked.
+TEST(FlowInvariants, MomentumOfPinnedGrainsIsBooked) {
+  for (const int method : {0, 1, 2}) {
+    Flow flow = PaperFlow(3, 2);
+    FlowSceneOptions options = flow.scene->options();
+    options.grains.is_pinned.assign(options.grains.size(), 0);
+    for (int i = 0; i < options.grains.size(); i += 2) {
+      options.grains.is_pinned[i] = 1;
+    }
+    flow = Make(options, flow.state, 0.001);
+    const auto stepper = method == 0   ? CreateImplicitStepper({})
+                         : method == 1 ? CreateVerletStepper({})
+                                       : Minimizing({}, "lbfgs");
+    const std::vector<double> x = flow.state.x;
+    Go(&flow, 0.3, stepper.get());
+    EXPECT_GT(flow.state.impulses, 10);
+    double p[3], given = 0.0;
+    flow.scene->Momentum(flow.state.v.data(), p);
+    for (int k = 0; k < 3; ++k) {
+      const double fixed = flow.state.momentum.fixed[k];
+      given += std::fabs(fixed);
+      EXPECT_NEAR(p[k],
+                  flow.state.momentum_start[k] + fixed,
+                  1e-12 * flow.scene->total_mass())
+          << method << " " << k;
+    }
+    EXPECT_GT(given, 1e-2 * flow.scene->total_mass());
+    EXPECT_EQ(flow.state.x[0], x[0]);
+  }
+}
+
+// Nothing that moves: a step of each stepper changes the time alone.
+TEST(FlowSteppers, PinnedGrainsStayWhereTheyAre) {
+  for (const int method : {0, 1, 2}) {
+    Flow flow = PaperFlow(3, 2);
+    FlowSceneOptions options = flow.scene->options();
+    options.grains.is_pinned.assign(options.grains.size(), 1);
+    flow = Make(options, flow.state, 0.001);
+    const std::vector<double> x = flow.state.x;
+    const auto stepper = method == 0   ? CreateImplicitStepper({})
+                         : method == 1 ? CreateVerletStepper({})
+                                       : Minimizing({}, "lbfgs");
+    Go(&flow, 0.05, stepper.get());
+    EXPECT_EQ(flow.state.x, x) << method;
+    EXPECT_NEAR(flow.state.time, 0.05, 1e-12);
   }
 }
 
@@ -521,6 +570,83 @@ TEST(FlowSteppers, MinimizationIsTheFixedPoint) {
   }
 }
 
+// The gradient of Phi is that of its value, the Hessian that of its gradient,
+// and a product with it is one.
+TEST(IncrementalPotential, DerivativesAreThoseOfFiniteDifferences) {
+  for (const Domain::Kind domain :
+       {Domain::Kind::OPEN, Domain::Kind::NEAREST_IMAGE}) {
+    for (const int what : {0, 1, 2}) {  // field, soft contacts, both
+      FlowStart start;
+      start.particles = 12;
+      start.length_ratio = 0.5;
+      start.attempts = 0;  // overlaps
+      start.seed = 3;
+      FlowSceneOptions options;
+      options.domain.kind = domain;
+      FlowState state;
+      std::string error;
+      ASSERT_TRUE(MakeStart(start, &options.grains, &state, &error)) << error;
+      options.grains.is_pinned.assign(12, 0);
+      options.grains.is_pinned[4] = 1;
+      options.damping = 3.0;
+      options.external = ExternalForce();
+      options.external->constant[1] = -9.0;
+      if (what != 1) options.near_field = Attraction(0.5, 0.25);
+      if (what != 0) {
+        options.soft_contact = SoftContactOptions();
+        options.soft_contact->stiffness = 1e4;
+        options.soft_contact->alpha = 2.5;
+      }
+      const Flow flow = Make(options, state);
+      const IncrementalPotential phi(
+          *flow.scene, flow.state, 0.01, flow.state.v);
+      const int m = phi.NumParameters();
+      ASSERT_EQ(m, 33);
+      std::vector<double> s(m), v(m), gradient(m), up(m), down(m), hv(m);
+      for (int k = 0; k < m; ++k) {
+        s[k] = 0.01 * std::sin(1.0 + k);
+        v[k] = std::cos(2.0 * k);
+      }
+      double value, above, below;
+      ASSERT_TRUE(
+          phi.EvaluateWithScales(s.data(), &value, gradient.data(), nullptr));
+      SparseMatrix hessian;
+      ASSERT_TRUE(phi.EvaluateHessian(s.data(), &hessian));
+      ASSERT_TRUE(phi.HessianTimes(s.data(), v.data(), hv.data()));
+      const Eigen::MatrixXd whole =
+          Eigen::MatrixXd(hessian).selfadjointView<Eigen::Lower>();
+      const double h = 1e-6, size = whole.cwiseAbs().maxCoeff();
+      double largest = 0.0;
+      for (const double g : gradient) {
+        largest = std::max(largest, std::fabs(g));
+      }
+      for (int c = 0; c < m; ++c) {
+        std::vector<double> shifted = s;
+        shifted[c] = s[c] + h;
+        phi.EvaluateWithScales(shifted.data(), &above, up.data(), nullptr);
+        shifted[c] = s[c] - h;
+        phi.EvaluateWithScales(shifted.data(), &below, down.data(), nullptr);
+        EXPECT_NEAR((above - below) / (2.0 * h), gradient[c], 1e-5 * largest);
+        for (int r = 0; r < m; ++r) {
+          EXPECT_NEAR((up[r] - down[r]) / (2.0 * h), whole(r, c), 1e-6 * size)
+              << DomainName(domain) << " " << what << " " << r << " " << c;
+        }
+      }
+      const Eigen::VectorXd product =
+          whole * Eigen::Map<const Eigen::VectorXd>(v.data(), m);
+      for (int k = 0; k < m; ++k) {
+        EXPECT_NEAR(hv[k], product[k], 1e-13 * size * m);
+      }
+    }
+  }
+}
+
+TEST(FlowSteppers, LongStepsAreNotConvex) {
+  const Flow flow = PaperFlow(4, 1);
+  EXPECT_TRUE(HasConvexStep(*flow.scene, flow.state, 0.01));
+  EXPECT_FALSE(HasConvexStep(*flow.scene, flow.state, 0.2));
+}
+
 TEST(FlowSteppers, RelaxationHelpsWhereStepsAreLong) {
   const auto iterations = [](double relaxation, double dt) {
     Flow flow = PaperFlow(4, 1);
@@ -572,6 +698,7 @@ TEST(FlowSteppers, AStateIsAllThereIsToGoOnFrom) {
     EXPECT_EQ(rest.state.energy.impact, whole.state.energy.impact);
     EXPECT_EQ(rest.state.energy.boundary, whole.state.energy.boundary);
     EXPECT_EQ(rest.state.steps, whole.state.steps);
+    EXPECT_EQ(rest.state.sweeps, whole.state.sweeps) << method;
   }
 }
 
