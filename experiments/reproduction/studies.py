@@ -65,7 +65,9 @@ def Number(value, digits=3):
     return "never"
   if value == int(value) and abs(value) < 1e6:
     return "%d" % value
-  if 1e-3 <= abs(value) < 1e5:
+  if 10**digits <= abs(value) < 1e6:
+    return "%.0f" % value
+  if 1e-3 <= abs(value) < 10**digits:
     return "%.*g" % (digits, value)
   return "%.*e" % (digits - 1, value)
 
@@ -240,7 +242,7 @@ def Fig7(folder):
   claims = [
       Claim("Iterations of L-BFGS grow towards jamming",
             "from hundreds to 10³-10⁴",
-            "%s at Δφ = %g, %s at %g" % (Number(plain[0]), far, Number(plain[1]), near),
+            "%s at Δφ = %.0e, %s at %.0e" % (Number(plain[0]), far, Number(plain[1]), near),
             plain[1] > 2 * plain[0]),
       Claim("The preconditioner needs fewer of them at every distance",
             "fewer throughout",
@@ -248,7 +250,7 @@ def Fig7(folder):
             all(Mean(preconditioned, d) < Mean("L-BFGS", d) for d in distances))]
   table = Table(
       "Mean iterations ± standard deviation of shear steps of 1e-6, until 1e-7 mean "
-      "forces (mean CPU ms)", ["method"] + ["%g" % d for d in distances],
+      "forces (mean CPU ms)", ["method"] + ["%.0e" % d for d in distances],
       [[name] + ["%s ± %s (%s)" % (
           Number(by[name, d]["iterations_mean"]),
           Number(by[name, d]["iterations_deviation"], 2),
@@ -273,7 +275,7 @@ def Near(folder):
   claims = [
       Claim("“Whether one can find a preconditioner which is robust close to the "
             "jamming point” is left open", "open",
-            "auto: at most %s factors (median) from Δφ = 1e-3 to %g, %d failures"
+            "auto: at most %s factors (median) from Δφ = 1e-3 to %.0e, %d failures"
             % (Number(factors), distances[-1], failed),
             None,
             "answered with a method rather than a preconditioner of L-BFGS: interior "
@@ -293,7 +295,7 @@ def Near(folder):
   table = Table(
       "Median iterations (factors) and CPU time of shear steps of 0.3 Δφ that do not "
       "rearrange, until 1e-7 mean forces",
-      ["method"] + ["%g" % d for d in distances],
+      ["method"] + ["%.0e" % d for d in distances],
       [[name] + [Cell(by[name, d]) if (name, d) in by else "" for d in distances]
        for name in names])
   return claims, [table]
@@ -306,7 +308,7 @@ def Conditioning(folder):
   distances = sorted({row["distance"] for row in rows}, reverse=True)
   by = {(row["preconditioner"], row["distance"]): row["median"] for row in rows}
   table = Table("Condition numbers of the (preconditioned) Hessian, medians",
-                ["preconditioner"] + ["%g" % d for d in distances],
+                ["preconditioner"] + ["%.0e" % d for d in distances],
                 [[name] + [Number(by[name, d], 2) if by.get((name, d)) else ""
                            for d in distances] for name in names])
   return [], [table]
@@ -486,6 +488,19 @@ def Tradeoff(folder):
        for row in rows])]
 
 
+def TradeoffFlow(folder):
+  j = Summary(folder)
+  rows = [row for row in j["recommendations"]
+          if row["cheapest_by"] == "cpu_seconds"]
+  what = {scene["scene"]: scene["what"] for scene in j["scenes"]}
+  return [], [Table(
+      "For this accuracy use this: the cheapest settings that reached it",
+      ["scene", "what is wanted", "error", "flags", "sweeps", "CPU ms"],
+      [[what[row["scene"]], row["observable"].replace("_", " "),
+        "%g" % row["accuracy"], row["flags"], Number(row["sweeps"]),
+        Number(1e3 * row["cpu_seconds"])] for row in rows])]
+
+
 def Extremes(folder):
   j = Summary(folder)
   cells = j["cells"]
@@ -601,6 +616,9 @@ STUDIES = [
           ["tradeoff", "--seeds=1-2"], ["--smoke"], Tradeoff,
           [("tradeoff", "Error of what is wanted against CPU time"),
            ("phi_j", "What sharper jamming points cost")], False, 15),
+    Study("tradeoff_flow", TRADE, "What accuracy costs in a flow", "flows",
+          ["tradeoff", "--flow", "--repetitions=2"], ["--smoke"], TradeoffFlow,
+          [("tradeoff_flow", "Error of what is wanted against CPU time")], True, 12),
     Study("extremes", TRADE, "Extremes of packings", "every method",
           ["extremes"], ["--smoke"], Extremes,
           [("extremes", "What became of every method")], True, 20),

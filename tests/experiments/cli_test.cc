@@ -1584,14 +1584,15 @@ TEST_F(Cli, OtherShearsResume) {
 TEST_F(Cli, ShearByStressFindsTheYieldStress) {
   const Outcome run = Do("shear",
                          "--particles=64 --phi=0.9 --mode=stress "
-                         "--shear_stress=0.1 --stress_steps=8 --out=out");
+                         "--shear_stress=0.1 --stress_steps=8 --out=sheared");
   ASSERT_EQ(run.status, 0) << run.out << run.err;
-  const auto json = nlohmann::json::parse(Slurp(folder_ + "/out/summary.json"));
+  const auto json =
+      nlohmann::json::parse(Slurp(folder_ + "/sheared/summary.json"));
   EXPECT_EQ(json.at("yields"), true);
   const double reached = json.at("reached"), refused = json.at("refused");
   EXPECT_NEAR(refused - reached, 0.1 / 8 / 64, 1e-12);
   const std::vector<std::string> rows =
-      Rows(Slurp(folder_ + "/out/stress.csv"));
+      Rows(Slurp(folder_ + "/sheared/stress.csv"));
   const std::vector<std::string> last = Fields(rows.back());
   EXPECT_NEAR(std::stod(last[2]), reached, 1e-9);
   EXPECT_LT(reached, 0.5 * std::stod(last[3]));

@@ -81,6 +81,7 @@ def main():
   assert "open why" in page.Verdict(studies.Claim("a", "1", "2", False), False)
   assert "not judged" in page.Verdict(differs, True)
   assert studies.Number("1234567", 3) == "1.23e+06"
+  assert studies.Number(143.2, 2) == "143" and studies.Number(0.0) == "0"
   assert studies.WithError(0.50312, 0.0271) == "0.503 ± 0.027"
   keys = [study.key for study in studies.STUDIES]
   assert len(set(keys)) == len(keys)
