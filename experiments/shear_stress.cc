@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <iterator>
 #include <string>
 #include <vector>
 
 #include "experiments/checkpoint.h"
 #include "experiments/run.h"
+#include "experiments/tabular.h"
 #include "granular/packing_io.h"
 #include "granular/stress_shear.h"
 
@@ -208,17 +210,6 @@ int RunStressShear(Scene scene, double stress, int steps, double pressure) {
     BadInput(error);
   }
 
-  std::string csv;
-  for (const char* name : kColumns) {
-    csv += Format("%s%s", csv.empty() ? "" : ",", name);
-  }
-  csv += "\n";
-  for (const std::vector<double>& row : rows) {
-    for (std::size_t k = 0; k < row.size(); ++k) {
-      csv += Format("%s%.17g", k == 0 ? "" : ",", row[k]);
-    }
-    csv += "\n";
-  }
   Json json;
   json["converged"] = true;
   json["mode"] = "stress";
@@ -239,7 +230,8 @@ int RunStressShear(Scene scene, double stress, int steps, double pressure) {
   json["state"] = RelaxationJson(last);
   json["schema"] = "granopt/shear_stress/1";
   json["provenance"] = Provenance();
-  output.Write("stress.csv", csv);
+  output.Write("stress.csv",
+               NumbersCsv({std::begin(kColumns), std::end(kColumns)}, rows));
   output.WritePacking("packing.xyz", Annotated(last, scene.energy));
   output.Write("contacts.csv", ContactsCsv(last));
   output.WriteJson("summary.json", json);

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <iterator>
 
 #include "experiments/checkpoint.h"
 #include "experiments/run.h"
+#include "experiments/tabular.h"
 #include "granular/packing_io.h"
 #include "granular/walls.h"
 
@@ -197,16 +199,7 @@ int RunWallShear(Scene scene,
     return kNotConverged;
   }
   double most = 0.0, worst_imbalance = 0.0, work = 0.0, dissipated = 0.0;
-  std::string csv;
-  for (const char* name : kColumns) {
-    csv += Format("%s%s", csv.empty() ? "" : ",", name);
-  }
-  csv += "\n";
   for (const std::vector<double>& row : rows) {
-    for (std::size_t k = 0; k < row.size(); ++k) {
-      csv += Format("%s%.17g", k == 0 ? "" : ",", row[k]);
-    }
-    csv += "\n";
     most = std::max(most, std::abs(row[kShearStress]));
     worst_imbalance = std::max(worst_imbalance, row[kImbalance]);
     work += row[kWork];
@@ -259,7 +252,8 @@ int RunWallShear(Scene scene,
   json["dissipated"] = dissipated;
   json["schema"] = "granopt/shear_walls/1";
   json["provenance"] = Provenance();
-  output.Write("walls.csv", csv);
+  output.Write("walls.csv",
+               NumbersCsv({std::begin(kColumns), std::end(kColumns)}, rows));
   output.Write("profile.csv", profile);
   output.WritePacking("packing.xyz", Annotated(last, scene.energy));
   output.Write("contacts.csv", ContactsCsv(last));

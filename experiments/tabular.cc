@@ -57,6 +57,22 @@ std::string Number(std::int64_t value) {
   return Format("%lld", static_cast<long long>(value));
 }
 
+std::string NumbersCsv(const std::vector<std::string>& columns,
+                       const std::vector<std::vector<double>>& rows) {
+  std::string csv;
+  for (const std::string& name : columns) {
+    csv += (csv.empty() ? "" : ",") + name;
+  }
+  csv += "\n";
+  for (const std::vector<double>& row : rows) {
+    for (std::size_t k = 0; k < row.size(); ++k) {
+      csv += (k == 0 ? "" : ",") + Number(row[k]);
+    }
+    csv += "\n";
+  }
+  return csv;
+}
+
 bool CsvReader::Begin(std::string* error) {
   std::vector<std::string> names;
   if (!Next(&names)) return Fail(name_ + ": empty", error);

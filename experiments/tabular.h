@@ -25,6 +25,9 @@ bool ParseNumbers(const std::string& text, std::vector<double>* values);
 std::string Field(const std::string& text);
 std::string Number(double value);  // all digits
 std::string Number(std::int64_t value);
+// A header of the columns and a line a row, each of as many numbers.
+std::string NumbersCsv(const std::vector<std::string>& columns,
+                       const std::vector<std::vector<double>>& rows);
 
 // Reads rows by the names of their columns.
 class CsvReader {
