@@ -6,6 +6,7 @@
 
 #include "experiments/run.h"
 #include "experiments/tabular.h"
+#include "granular/atomic_file.h"
 #include "granular/packing_io.h"
 #include "solvers/registry.h"
 
@@ -256,12 +257,16 @@ std::unique_ptr<Stepper> MakeStepper() {
 
 namespace {
 
-// Centres and radii of a file, shifted so that its cube is around 0.
+// Centres and radii of a file, shifted so that its cube is around 0, and its
+// velocities, unless it has none or others are asked for.
 void ReadStart(FlowSceneOptions* options, FlowState* state) {
   Packing packing;
-  std::string error;
-  if (!ReadPacking(FLAGS_input, &packing, &error))
+  FrameExtras extras;
+  std::string text, error;
+  if (!ReadFile(FLAGS_input, &text, &error) ||
+      !ParseFrame(text, FLAGS_input, &packing, &extras, &error)) {
     BadInput("--input: " + error);
+  }
   const SmallMatrix& edges = packing.box.edges();
   const int n = packing.size();
   if (packing.dimension() != 3) {
@@ -276,8 +281,10 @@ void ReadStart(FlowSceneOptions* options, FlowState* state) {
                " describes a random start and cannot go with --input");
     }
   }
-  packing.Wrap();
   options->domain.side = edges(0, 0);
+  const double half = 0.5 * options->domain.side;
+  // A cube that says where it is may have grains outside of it.
+  if (extras.origin.size() == 0) packing.Wrap();
   // Velocities as those of a random start of as many.
   FlowStart start;
   start.particles = n;
@@ -287,13 +294,19 @@ void ReadStart(FlowSceneOptions* options, FlowState* state) {
   ReadVector("perturbation", FLAGS_perturbation, start.perturbation);
   if (!MakeStart(start, &options->grains, state, &error)) BadInput(error);
   const int stride = options->grains.stride();
+  const bool has_velocities = extras.velocities.size() > 0 &&
+                              !IsGiven("mean_velocity") &&
+                              !IsGiven("perturbation");
   for (int i = 0; i < n; ++i) {
     const double b = packing.radii[i];
     options->grains.radius[i] = b;
     options->grains.mass[i] = FLAGS_density * GrainVolume(3, b);
     for (int k = 0; k < 3; ++k) {
-      state->x[k * stride + i] =
-          packing.positions(k, i) - 0.5 * options->domain.side;
+      const double corner = extras.origin.size() > 0 ? extras.origin[k] : 0.0;
+      state->x[k * stride + i] = packing.positions(k, i) - (corner + half);
+      if (has_velocities) {
+        state->v[k * stride + i] = extras.velocities(k, i);
+      }
     }
   }
 }

@@ -62,8 +62,10 @@ struct Column {
 
 class Parser {
  public:
-  Parser(const std::string& text, const std::string& name)
-      : text_(text), name_(name) {}
+  Parser(const std::string& text,
+         const std::string& name,
+         FrameExtras* extras = nullptr)
+      : text_(text), name_(name), extras_(extras) {}
 
   bool Parse(Packing* packing, std::string* error) {
     if (Frame(packing)) return true;
@@ -223,9 +225,22 @@ class Parser {
         dimension = 2;
       } else if (tokens.size() == 3 && is(0, 'T') && is(1, 'T') && is(2, 'T')) {
         dimension = 3;
+      } else if (extras_ != nullptr && tokens.size() == 3 && is(0, 'F') &&
+                 is(1, 'F') && is(2, 'F')) {
+        dimension = 3;
       } else {
         return Fail("pbc=" + Quoted(text) +
                     " must be \"T T F\" (discs) or \"T T T\" (spheres)");
+      }
+    }
+    if (extras_ != nullptr && take("Origin", &text)) {
+      Tokens(text, &tokens);
+      extras_->origin.resize(3);
+      for (int k = 0; k < 3; ++k) {
+        if (tokens.size() != 3 || !ParseReal(tokens[k], &extras_->origin[k])) {
+          return Fail("Origin=" + Quoted(text) +
+                      " must be three finite numbers");
+        }
       }
     }
     if (!take("Properties", &text)) return Fail("Properties=... is missing");
@@ -244,6 +259,7 @@ class Parser {
     const Column* low = find("pos_lo");
     const Column* radius = find("radius");
     const Column* stiffness = find("stiffness");
+    const Column* velocity = extras_ != nullptr ? find("velo") : nullptr;
     const auto check = [this](const Column* c, const char* as) {
       const std::string expected = as;
       if (c == nullptr) return true;
@@ -256,7 +272,7 @@ class Parser {
     if (radius == nullptr) return Fail("Properties has no column radius:R:1");
     if (!check(species, "species:S:1") || !check(position, "pos:R:3") ||
         !check(low, "pos_lo:R:3") || !check(radius, "radius:R:1") ||
-        !check(stiffness, "stiffness:R:1")) {
+        !check(stiffness, "stiffness:R:1") || !check(velocity, "velo:R:3")) {
       return false;
     }
     // Every row takes at least two bytes a column, the last line one less.
@@ -276,6 +292,7 @@ class Parser {
     result.radii.resize(n);
     if (species != nullptr) result.species.resize(n);
     if (stiffness != nullptr) result.stiffness.resize(n);
+    if (velocity != nullptr) extras_->velocities.resize(3, n);
     for (int i = 0; i < n; ++i) {
       if (!NextLine(&line)) {
         return Fail("the file ends after " + std::to_string(i) + " of " +
@@ -294,6 +311,10 @@ class Parser {
       for (int k = 0; k < 3; ++k) {
         if (!real(position, k, &x(k, i))) return false;
         if (low != nullptr && !real(low, k, &x_low(k, i))) return false;
+        if (velocity != nullptr &&
+            !real(velocity, k, &extras_->velocities(k, i))) {
+          return false;
+        }
       }
       if (!real(radius, 0, &result.radii[i])) return false;
       if (!(result.radii[i] > 0.0)) {
@@ -361,6 +382,7 @@ class Parser {
 
   const std::string& text_;
   const std::string name_;
+  FrameExtras* const extras_;
   std::size_t at_ = 0;
   int line_number_ = 0;
   std::string error_;
@@ -423,6 +445,15 @@ bool ParsePacking(const std::string& text,
                   Packing* packing,
                   std::string* error) {
   return Parser(text, name).Parse(packing, error);
+}
+
+bool ParseFrame(const std::string& text,
+                const std::string& name,
+                Packing* packing,
+                FrameExtras* extras,
+                std::string* error) {
+  *extras = FrameExtras();
+  return Parser(text, name, extras).Parse(packing, error);
 }
 
 bool ReadPacking(const std::string& path,

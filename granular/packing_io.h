@@ -33,6 +33,19 @@ bool ParsePacking(const std::string& text,
                   std::string* error);
 bool ReadPacking(const std::string& path, Packing* packing, std::string* error);
 
+// What a frame of a flow says beyond a packing.
+struct FrameExtras {
+  SmallVector origin;          // Origin="x y z", the cell's corner; empty: none
+  Eigen::MatrixXd velocities;  // velo:R:3, 3 x N; empty: none
+};
+// As ParsePacking(), and takes pbc="F F F", too: spheres in a box that has no
+// images.
+bool ParseFrame(const std::string& text,
+                const std::string& name,
+                Packing* packing,
+                FrameExtras* extras,
+                std::string* error);
+
 // %.17g throughout, pos_lo if any low part is not zero.
 std::string FormatPacking(const Packing& packing);
 // Atomic. Refuses what ReadPacking() would not read back: an invalid packing, a

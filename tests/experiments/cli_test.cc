@@ -1213,6 +1213,35 @@ TEST_F(Cli, FlowRunsAndItsLedgerCloses) {
             std::string::npos);
 }
 
+// What a flow has written is a start of another one: places and velocities.
+TEST_F(Cli, FlowGoesOnFromItsFrames) {
+  ASSERT_EQ(Do("flow", "--duration=0.1 --out=first").status, 0);
+  const Outcome again =
+      Do("flow", "--input=first/start.xyz --duration=0.1 --out=again");
+  ASSERT_EQ(again.status, 0) << again.err;
+  for (const char* file : {"/start.xyz", "/final.xyz", "/energy.csv"}) {
+    EXPECT_TRUE(Slurp(folder_ + "/first" + file) ==
+                Slurp(folder_ + "/again" + file))
+        << file;
+  }
+  // In the middle of impacts grains overlap.
+  const Outcome run = Do("flow",
+                         "--input=first/final.xyz --relax_overlaps "
+                         "--duration=0.1 --out=out");
+  ASSERT_EQ(run.status, 0) << run.err;
+  const auto last = Fields(Rows(Slurp(folder_ + "/first/energy.csv")).back());
+  const auto first = Fields(Rows(Slurp(folder_ + "/out/energy.csv"))[1]);
+  EXPECT_NEAR(std::stod(first[2]), std::stod(last[2]), 1e-14);
+  // Other velocities, if asked for.
+  const Outcome still = Do("flow",
+                           "--input=first/start.xyz --duration=0.01 "
+                           "--mean_velocity=0,0,0 --perturbation=0,0,0 "
+                           "--out=still");
+  ASSERT_EQ(still.status, 0) << still.err;
+  EXPECT_EQ(std::stod(Fields(Rows(Slurp(folder_ + "/still/energy.csv"))[1])[2]),
+            0.0);
+}
+
 TEST_F(Cli, FlowResumesToTheSameBits) {
   const std::string flags =
       "--alpha1=0.5 --alpha2=0.25 --checkpoint_every=20 --out=";
