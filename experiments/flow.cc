@@ -223,48 +223,14 @@ int RunOne() {
   Json setup = {{"start", Crc32(start_frame)},
                 {"duration", FLAGS_duration},
                 {"frames", FLAGS_frames}};
-  for (const char* flag : {"law",
-                           "alpha1",
-                           "beta1",
-                           "alpha2",
-                           "beta2",
-                           "weight",
-                           "depth",
-                           "sigma",
-                           "contacts",
-                           "restitution",
-                           "impact_duration",
-                           "mu_s",
-                           "mu_d",
-                           "stiffness",
-                           "contact_alpha",
-                           "gravity",
-                           "force",
-                           "damping",
-                           "density",
-                           "side",
-                           "domain",
-                           "stepper",
-                           "dt",
-                           "first_dt",
-                           "tolerance",
-                           "iterations",
-                           "sweep",
-                           "groups",
-                           "relaxation",
-                           "safety",
-                           "solver",
-                           "mie_repulsion",
-                           "mie_attraction",
-                           "morse_steepness",
-                           "morse_distance",
-                           "velocity_dependent",
-                           "velocity_scale",
-                           "least_restitution",
-                           "force_frequency",
-                           "field_accuracy",
-                           "multipole_from"}) {
-    setup[flag] = gflags::GetCommandLineFlagInfoOrDie(flag).current_value;
+  // All that describes a scene or a step, whatever is added to it.
+  std::vector<gflags::CommandLineFlagInfo> flags;
+  gflags::GetAllFlags(&flags);
+  for (const auto& flag : flags) {
+    if (flag.name == "tolerance" ||
+        flag.filename.find("experiments/flow_scene") != std::string::npos) {
+      setup[flag.name] = flag.current_value;
+    }
   }
   const Checkpoint checkpoint(CheckpointPath(), setup);
   Json written;

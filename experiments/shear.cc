@@ -40,8 +40,8 @@ DEFINE_string(wall,
               "(rows of small discs)");
 DEFINE_double(shear_stress,
               0.0,
-              "with --mode=stress: -sigma_12 at the end, in units of the "
-              "stiffness; at constant volume, or at --pressure");
+              "with --mode=stress: -sigma_12 of (10) at the end, as "
+              "--pressure is; at constant volume, or at --pressure");
 DEFINE_int32(stress_steps, 20, "with --mode=stress: steps on the way");
 DEFINE_bool(dynamics,
             false,

@@ -21,7 +21,7 @@ namespace {
 // A step without a state is halved so often: the yield stress to 1/64 of a
 // step.
 constexpr int kHalvings = 6;
-// Of a minimization that may have no minimum to find, unless asked otherwise.
+// The most of a minimization, which may have no minimum to find.
 constexpr std::int64_t kEvaluations = 100000;
 
 constexpr const char* kColumns[] = {"step",
@@ -218,7 +218,10 @@ int RunStressShear(Scene scene, double stress, int steps, double pressure) {
   json["pressure"] = pressure;
   json["reached"] = reached;
   json["yields"] = yields;
-  if (yields) json["refused"] = refused;
+  if (yields) {
+    json["refused"] = refused;
+    json["why"] = why;
+  }
   json["strain"] = state.strain;
   json["relaxations"] = state.relaxations;
   json["evaluations"] = state.counters.evaluations;

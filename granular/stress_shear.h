@@ -21,9 +21,9 @@ struct StressShearOptions {
 
 // One step of stress-controlled simple shear: from `state`, which is relaxed,
 // to the next minimum over positions and the strain gamma of simple shear (and
-// the volume) at the shear stress -sigma_12 = `stress`, in units of k r^(alpha
-// - d) as all stresses: RelaxAtStress with the load -stress (e_1 e_2 + e_2 e_1)
-// and F = 1 + gamma e_1 (x) e_2.
+// the volume) at the shear stress -sigma_12 = `stress` of (10), whose unit is
+// that of k length^(alpha - d): RelaxAtStress with the load
+//   s = -stress (e_1 (x) e_2 + e_2 (x) e_1),   F = 1 + gamma e_1 (x) e_2.
 //
 // True with `found`: `state` and `last` are there, state->strain has grown by
 // F_12 / F_22 of the step. True without: the packing yields, no state at this

@@ -131,11 +131,13 @@ std::unique_ptr<FlowScene> FlowScene::Create(const FlowSceneOptions& options,
   }
   if (options.external) {
     const ExternalForce& force = *options.external;
-    double sum = force.frequency * 0.0 + force.phase * 0.0;
+    bool is_finite =
+        std::isfinite(force.frequency) && std::isfinite(force.phase);
     for (int k = 0; k < 3; ++k) {
-      sum += force.constant[k] * 0.0 + force.amplitude[k] * 0.0;
+      is_finite = is_finite && std::isfinite(force.constant[k]) &&
+                  std::isfinite(force.amplitude[k]);
     }
-    if (sum != 0.0) {
+    if (!is_finite) {
       *error = Format(
           "external force: frequency %g, phase %g and vectors must be finite",
           force.frequency,
