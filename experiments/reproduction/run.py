@@ -101,8 +101,7 @@ class Run:
     return True
 
   def Write(self):
-    with open(self.record_path, "w", encoding="utf-8") as file:
-      json.dump(self.record, file)
+    WriteAtomically(self.record_path, json.dumps(self.record))
 
   def Result(self):
     shown = "build/release/experiments/" + shlex.join(self.words)
@@ -127,6 +126,12 @@ class Run:
       result.failure = "Its results could not be read: %s: %s" % (
           type(error).__name__, error)
     return result
+
+
+def WriteAtomically(path, text):
+  with open(path + ".tmp", "w", encoding="utf-8") as file:
+    file.write(text)
+  os.replace(path + ".tmp", path)
 
 
 def LastLines(path, count=8):
@@ -243,9 +248,7 @@ def main():
            ("CPU time of all studies", page.Duration(cpu)),
            ("disk", "%.0f MB" % (sum(Size(run.folder) for run in runs) / 1e6))]
   target = os.path.join(options.out, "index.html")
-  with open(target + ".tmp", "w", encoding="utf-8") as file:
-    file.write(page.Page(results, options.smoke, facts))
-  os.replace(target + ".tmp", target)
+  WriteAtomically(target, page.Page(results, options.smoke, facts))
   failed = [result for result in results if result.failure]
   judged = [claim for result in results for claim in result.claims
             if claim.agrees is not None]
