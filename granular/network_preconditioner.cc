@@ -15,25 +15,11 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 
-class NetworkPreconditioner : public MatrixPreconditioner {
- public:
-  using MatrixPreconditioner::MatrixPreconditioner;
-
-  bool Supports(const FirstOrderFunction& function,
-                std::string* error) const override {
-    if (dynamic_cast<const ContactEnergy*>(&function) != nullptr) return true;
-    *error = "preconditioners laplacian and contact need a contact energy";
-    return false;
-  }
-
- protected:
-  static const ContactEnergy& Energy(const Monitor& monitor) {
-    return dynamic_cast<const ContactEnergy&>(*monitor.function());
-  }
-  int BlockSize(const FirstOrderFunction& function) const override {
-    return dynamic_cast<const ContactEnergy&>(function).BlockSize();
-  }
-};
+bool IsContactEnergy(const FirstOrderFunction& function, std::string* error) {
+  if (dynamic_cast<const ContactEnergy*>(&function) != nullptr) return true;
+  *error = "preconditioners laplacian and contact need a contact energy";
+  return false;
+}
 
 // The universal preconditioner of Packwood et al., (19) and (20):
 //   u^T P u = mu (sum over pairs nearer than r_cut of c_ij |u_i - u_j|^2
@@ -50,10 +36,10 @@ class NetworkPreconditioner : public MatrixPreconditioner {
 // of mean force and Scales::length. The paper does not define r_nn: here it is
 // the mean distance of a grain's nearest neighbour. C_stab stands inside c_ij's
 // bracket for A > 0 as it does in (20) for A = 0.
-class Laplacian : public NetworkPreconditioner {
+class Laplacian : public MatrixPreconditioner {
  public:
   explicit Laplacian(Parameters* parameters)
-      : NetworkPreconditioner(parameters),
+      : MatrixPreconditioner(parameters),
         decay_(parameters->Double("A", 0.0, 0.0, 100.0, "decay A in (19)")),
         stabilizer_(parameters->Double(
             "C_stab", 0.1, 1e-12, 1e6, "added to the diagonal (20)")),
@@ -66,9 +52,15 @@ class Laplacian : public NetworkPreconditioner {
             1e6,
             "made anew after a displacement of this part of r_cut")) {}
 
+  bool Supports(const FirstOrderFunction& function,
+                std::string* error) const override {
+    return IsContactEnergy(function, error);
+  }
+
  protected:
   bool Assemble(const Iterate& at, Monitor* monitor, Matrix* matrix) override {
-    const ContactEnergy& energy = Energy(*monitor);
+    const auto& energy =
+        dynamic_cast<const ContactEnergy&>(*monitor->function());
     const Packing packing = energy.Configuration(at.x);
     const int n = packing.size();
     const int d = packing.dimension();
@@ -185,38 +177,25 @@ class Laplacian : public NetworkPreconditioner {
 //   P = sum over contacts of f'(delta) n (x) n + shift kappa 1,
 // kappa = mean force / Scales::length. Positive semidefinite as it is; the
 // shift serves translations and rattlers.
-class ContactNetwork : public NetworkPreconditioner {
+class ContactNetwork : public StiffnessPreconditioner {
  public:
   explicit ContactNetwork(Parameters* parameters)
-      : NetworkPreconditioner(parameters),
-        shift_(parameters->Double(
-            "shift",
-            1e-2,
-            1e-12,
-            1e6,
-            "added to the diagonal, in units of the stiffness scale")),
-        every_(parameters->Int(
-            "every", 20, 1, "iterations between two factorizations")) {}
+      : StiffnessPreconditioner(parameters) {
+    ReadPolicy(parameters, 1e-2, 1e-12);
+  }
+
+  bool Supports(const FirstOrderFunction& function,
+                std::string* error) const override {
+    return IsContactEnergy(function, error);
+  }
 
  protected:
-  bool Assemble(const Iterate& at, Monitor* monitor, Matrix* matrix) override {
-    const ContactEnergy& energy = Energy(*monitor);
-    if (!(at.scales.length > 0.0)) return false;
-    const Monitor::LinearTimer timer(monitor);
-    if (!energy.EvaluateStiffness(at.x, 0.0, &matrix->lower)) return false;
-    ++monitor->counters().hessians;
-    matrix->pattern_version = energy.PatternVersion();
-    matrix->shift = shift_ * (at.scales.gradient / at.scales.length);
-    return true;
+  bool EvaluateMatrix(const SecondOrderFunction& function,
+                      const Iterate& at,
+                      SparseMatrix* lower) override {
+    return dynamic_cast<const ContactEnergy&>(function).EvaluateStiffness(
+        at.x, 0.0, lower);
   }
-
-  bool IsStale(const Iterate& /*at*/, const Age& age) const override {
-    return age.steps >= every_;
-  }
-
- private:
-  const double shift_;
-  const int every_;
 };
 
 REGISTER_PRECONDITIONER(

@@ -17,29 +17,17 @@
 #include "HYPRE_krylov.h"
 #include "HYPRE_parcsr_ls.h"
 #include "mpi.h"
+#include "solvers/lone_mpi.h"
 
 namespace granopt {
 namespace {
 
-// hypre cannot be called before MPI_Init(). Open MPI without mpirun would start
-// a daemon (and end the process if it finds none), catch the program's signals
-// and leave folders in /tmp: none of that is needed by one process alone.
+// hypre cannot be called before MPI_Init().
 void StartMpi() {
-  constexpr const char* kAlone[][2] = {
-      {"OMPI_MCA_ess_singleton_isolated", "1"},
-      {"OMPI_MCA_orte_create_session_dirs", "0"},
-      {"OMPI_MCA_btl", "self"},
-      {"OMPI_MCA_opal_signal", ""},
-  };
-  const bool alone = std::getenv("OMPI_COMM_WORLD_SIZE") == nullptr;
-  std::vector<const char*> set;
-  for (const auto& [name, value] : kAlone) {
-    if (!alone || std::getenv(name) != nullptr) continue;
-    setenv(name, value, 0);
-    set.push_back(name);
+  {
+    const LoneMpi alone;
+    MPI_Init(nullptr, nullptr);
   }
-  MPI_Init(nullptr, nullptr);
-  for (const char* name : set) unsetenv(name);
   std::atexit([] {
     int finalized = 0;
     MPI_Finalized(&finalized);

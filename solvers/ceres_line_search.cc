@@ -25,18 +25,11 @@ struct Units {
   double length = 1.0;  // L
 };
 
-// The last accepted iterate, with the cost that Ceres was told there.
-struct Anchor {
-  std::vector<double> x, gradient;
-  double cost = 0.0;
-  double told = 0.0;
-};
-
 // C f(L y), counted by the monitor; with an anchor, C (f(L y) - f(start)), see
 // `differences` in the header.
 class ScaledFunction : public ceres::FirstOrderFunction {
  public:
-  ScaledFunction(Monitor* monitor, const Units& units, const Anchor* anchor)
+  ScaledFunction(Monitor* monitor, const Units& units, const CostAnchor* anchor)
       : monitor_(monitor), units_(units), anchor_(anchor), x_(monitor->n()) {}
 
   bool Evaluate(const double* const y,
@@ -53,19 +46,8 @@ class ScaledFunction : public ceres::FirstOrderFunction {
     Scales scales;
     if (!monitor_->EvaluateCached(x_.data(), cost, &g, &scales)) return false;
     if (anchor_ != nullptr) {
-      double change = *cost - anchor_->cost;
-      const double lost =
-          LostDifference(scales.epsilon) * std::abs(anchor_->cost);
-      if (std::abs(change) <= lost) {
-        double rule = 0.0;
-        for (int i = 0; i < n; ++i) {
-          rule += 0.5 * (anchor_->gradient[i] + g[i]) * (x_[i] - anchor_->x[i]);
-        }
-        // Not small itself: the two points are equal in cost, but not near.
-        if (std::abs(rule) <= 2.0 * lost) {
-          change = rule;
-        }
-      }
+      const double change =
+          anchor_->Change(x_.data(), *cost, g, scales.epsilon);
       *cost = anchor_->told + change * units_.cost;
     } else {
       *cost *= units_.cost;
@@ -82,7 +64,7 @@ class ScaledFunction : public ceres::FirstOrderFunction {
  private:
   Monitor* monitor_;
   const Units units_;
-  const Anchor* anchor_;  // may be null
+  const CostAnchor* anchor_;  // may be null
   mutable std::vector<double> x_;
 };
 
@@ -91,7 +73,7 @@ class Callback : public ceres::IterationCallback {
   Callback(Monitor* monitor,
            const Units& units,
            const double* y,
-           Anchor* anchor,
+           CostAnchor* anchor,
            bool rescales)
       : monitor_(monitor),
         units_(units),
@@ -156,8 +138,8 @@ class Callback : public ceres::IterationCallback {
 
   Monitor* monitor_;
   const Units units_;
-  const double* y_;  // kept current by update_state_every_iteration
-  Anchor* anchor_;   // may be null
+  const double* y_;     // kept current by update_state_every_iteration
+  CostAnchor* anchor_;  // may be null
   const bool rescales_;
   std::vector<double> x_;
   Interruption interruption_ = Interruption::NONE;
@@ -226,26 +208,24 @@ Summary CeresLineSearch::Minimize(FirstOrderFunction* function,
   double cost;
   const double* gradient;
   Scales scales;
-  if (!monitor.EvaluateCached(x, &cost, &gradient, &scales)) {
-    monitor.FailEvaluation();
+  if (!monitor.BeginCached(*this, x, &cost, &gradient, &scales)) {
     return monitor.Finish(x);
   }
+  monitor.Recenter(x);
   std::vector<double> y(n);
   int restarts_left = restarts_;
   double residual_before = std::numeric_limits<double>::infinity();
-  if (monitor.Accept(x, cost, gradient, scales)) return monitor.Finish(x);
-  monitor.Recenter(x);
 
   while (!monitor.stopped()) {
     const Units units = scaled_ ? ChooseUnits(monitor, scales) : Units();
     for (int i = 0; i < n; ++i) y[i] = x[i] / units.length;
-    Anchor anchor;
+    CostAnchor anchor;
     if (differences_) {
       anchor.x.assign(x, x + n);
       anchor.gradient.assign(gradient, gradient + n);
       anchor.cost = cost;
     }
-    Anchor* const used_anchor = differences_ ? &anchor : nullptr;
+    CostAnchor* const used_anchor = differences_ ? &anchor : nullptr;
     Callback callback(&monitor, units, y.data(), used_anchor, scaled_);
     ceres::GradientProblemSolver::Options run_options = ceres_options_;
     run_options.callbacks.push_back(&callback);

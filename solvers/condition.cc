@@ -4,7 +4,6 @@
 #include <cmath>
 #include <exception>
 #include <limits>
-#include <random>
 #include <vector>
 
 #include "Eigen/Cholesky"
@@ -13,6 +12,7 @@
 #include "Spectra/SymGEigsShiftSolver.h"
 #include "Spectra/SymGEigsSolver.h"
 #include "solvers/normalize.h"
+#include "solvers/random.h"
 #include "solvers/sparse_cholesky.h"
 
 namespace granopt {
@@ -191,11 +191,9 @@ bool RunLanczos(const Metric& metric,
   const Index n = metric.rows();
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     const Index columns = std::min(dimensions, kColumns + 11 * attempt);
-    std::mt19937_64 random(1 + attempt);
+    UniformRandom random(1 + attempt);
     VectorXd start(n);
-    for (Index i = 0; i < n; ++i) {
-      start[i] = std::ldexp(static_cast<double>(random() >> 11), -52) - 1.0;
-    }
+    for (double& entry : start) entry = 2.0 * random() - 1.0;
     metric.Project(start.data());
     try {
       auto lanczos = make(columns);

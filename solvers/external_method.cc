@@ -135,20 +135,12 @@ Summary ExternalMethod::Minimize(FirstOrderFunction* function,
   using Interruption = Problem::Interruption;
   Monitor monitor(function, options, name(), Monitor::Cache::LAST_EVALUATION);
   const int n = monitor.n();
-
-  std::string why;
-  if (!Supports(*function, &why)) {
-    monitor.Refuse(why);
-    return monitor.Finish(x);
-  }
   double cost;
   const double* gradient;
   Scales scales;
-  if (!monitor.EvaluateCached(x, &cost, &gradient, &scales)) {
-    monitor.FailEvaluation();
+  if (!monitor.BeginCached(*this, x, &cost, &gradient, &scales)) {
     return monitor.Finish(x);
   }
-  if (monitor.Accept(x, cost, gradient, scales)) return monitor.Finish(x);
   monitor.Recenter(x);
 
   std::vector<double> y(n);

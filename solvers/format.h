@@ -7,7 +7,6 @@
 
 namespace granopt {
 
-// Cut after 1023 characters.
 std::string Format(const char* format, ...)
     __attribute__((format(printf, 1, 2)));
 

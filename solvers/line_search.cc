@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 
 namespace granopt {
 namespace {
@@ -16,20 +17,43 @@ constexpr double kBackOff = 0.1;
 // The interval is resolved when it is shorter than this part of its upper end.
 constexpr double kResolution = 1e-14;
 
-}  // namespace
-
-double LostDifference(double epsilon) {
-  return 1e-8 * std::sqrt(epsilon / std::numeric_limits<double>::epsilon());
-}
-
-double LineChange(const LinePoint& start, const LinePoint& p, double epsilon) {
-  const double change = p.value - start.value;
-  const double lost = LostDifference(epsilon) * std::abs(start.value);
+// after - before, or rule() where that has lost half of its digits: below 1e-8
+// of `before` for doubles, and as the square root of `epsilon`.
+template <typename Rule>
+double Difference(double before,
+                  double after,
+                  double epsilon,
+                  const Rule& rule) {
+  const double change = after - before;
+  const double lost =
+      1e-8 * std::sqrt(epsilon / std::numeric_limits<double>::epsilon()) *
+      std::abs(before);
   if (std::abs(change) > lost) return change;
-  const double rule = 0.5 * (p.step - start.step) * (start.slope + p.slope);
   // A rule that is not small itself: the values agree, but not because the
   // points are near.
-  return std::abs(rule) <= 2.0 * lost ? rule : change;
+  const double by_rule = rule();
+  return std::abs(by_rule) <= 2.0 * lost ? by_rule : change;
+}
+
+}  // namespace
+
+double LineChange(const LinePoint& start, const LinePoint& p, double epsilon) {
+  return Difference(start.value, p.value, epsilon, [&]() {
+    return 0.5 * (p.step - start.step) * (start.slope + p.slope);
+  });
+}
+
+double CostAnchor::Change(const double* x_new,
+                          double cost_new,
+                          const double* g_new,
+                          double epsilon) const {
+  return Difference(cost, cost_new, epsilon, [&]() {
+    double rule = 0.0;
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      rule += 0.5 * (gradient[i] + g_new[i]) * (x_new[i] - x[i]);
+    }
+    return rule;
+  });
 }
 
 LineSearchResult SearchLine(const LineFunction& evaluate,

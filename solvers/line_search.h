@@ -5,6 +5,7 @@
 
 #include <functional>
 #include <limits>
+#include <vector>
 
 namespace granopt {
 
@@ -23,10 +24,6 @@ struct LineSearchOptions {
   // Relative error of values, Scales::epsilon.
   double epsilon = std::numeric_limits<double>::epsilon();
 };
-
-// The part of a value below which a change of it has lost half of its digits:
-// 1e-8 for doubles, and as the square root of `epsilon`.
-double LostDifference(double epsilon);
 
 enum class LineSearchEnd {
   WOLFE,     // both conditions hold
@@ -48,12 +45,26 @@ enum class LineEvaluation { OK, NOT_FINITE, STOP };
 using LineFunction = std::function<LineEvaluation(double step, LinePoint*)>;
 
 // phi(p) - phi(start), by subtraction, or where that has lost half of its
-// digits by the trapezoidal rule
+// digits (below 1e-8 of the value for doubles) by the trapezoidal rule
 //   (p.step - start.step) (phi'(start) + phi'(p)) / 2,
 // which needs slopes alone and is exact for a quadratic.
 double LineChange(const LinePoint& start,
                   const LinePoint& p,
                   double epsilon = std::numeric_limits<double>::epsilon());
+
+// The same between points that need not be on a line, for a library that
+// decides on costs: an iterate, and what the library was told of its cost.
+struct CostAnchor {
+  std::vector<double> x, gradient;
+  double cost = 0.0;
+  double told = 0.0;
+
+  // cost_new - cost, or (gradient + g_new).(x_new - x) / 2.
+  double Change(const double* x_new,
+                double cost_new,
+                const double* g_new,
+                double epsilon = std::numeric_limits<double>::epsilon()) const;
+};
 
 // Finds a point of the strong Wolfe conditions
 //   change(a) <= c1 a phi'(0),   |phi'(a)| <= c2 |phi'(0)|

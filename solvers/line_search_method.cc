@@ -1,7 +1,6 @@
 #include "solvers/line_search_method.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "Eigen/Core"

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
-#include <random>
 #include <vector>
 
 #include "Eigen/Cholesky"
@@ -12,6 +11,7 @@
 #include "Spectra/SymEigsSolver.h"
 #include "solvers/format.h"
 #include "solvers/normalize.h"
+#include "solvers/random.h"
 #include "solvers/sparse_cholesky.h"
 
 namespace granopt {
@@ -175,12 +175,9 @@ bool RunLanczos(const Problem& problem,
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     const Index columns =
         std::min(dimensions, std::max(2 * count + 1, count + 20) + 7 * attempt);
-    // The engine is the same everywhere, the distributions are not.
-    std::mt19937_64 random(1 + attempt);
+    UniformRandom random(1 + attempt);
     VectorXd start(n);
-    for (Index i = 0; i < n; ++i) {
-      start[i] = std::ldexp(static_cast<double>(random() >> 11), -52) - 1.0;
-    }
+    for (double& entry : start) entry = 2.0 * random() - 1.0;
     start = problem.Project(start);
     try {
       Spectra::SymEigsSolver<Inverse> lanczos(*inverse, count, columns);

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "Eigen/Core"
+#include "solvers/diagonal.h"
 
 namespace granopt {
 namespace {
@@ -24,7 +25,9 @@ bool MatrixPreconditioner::Update(const Iterate& at,
                                   Monitor* monitor) {
   const int n = monitor->n();
   if (step != nullptr) {
-    const int block = BlockSize(*monitor->function());
+    const auto* second =
+        dynamic_cast<const SecondOrderFunction*>(monitor->function());
+    const int block = second == nullptr ? 1 : second->BlockSize();
     double most2 = 0.0;
     for (int i = 0; i < n; i += block) {
       double moved2 = 0.0;
@@ -55,12 +58,9 @@ bool MatrixPreconditioner::Make(const Iterate& at, Monitor* monitor) {
   const Monitor::LinearTimer timer(monitor);
   const SparseMatrix& a = matrix_.lower;
   double largest = 0.0;
-  for (int i = 0; i < a.outerSize(); ++i) {
-    // The diagonal entry is the first of its column.
-    const int first = a.outerIndexPtr()[i];
-    if (first < a.outerIndexPtr()[i + 1]) {
-      largest = std::max(largest, a.valuePtr()[first]);
-    }
+  for (int j = 0; j < a.cols(); ++j) {
+    const int place = DiagonalPlace(a, j);
+    if (place >= 0) largest = std::max(largest, a.valuePtr()[place]);
   }
   const std::int64_t before = linear_->factorizations();
   bool done = false;
@@ -114,6 +114,39 @@ void MatrixPreconditioner::Multiply(const double* v, double* pv) const {
     scratch_ = in.col(c);
     out.col(c) = matrix_.scale * (a * scratch_ + matrix_.shift * scratch_);
   }
+}
+
+void StiffnessPreconditioner::ReadPolicy(Parameters* parameters,
+                                         double shift,
+                                         double least_shift) {
+  shift_ =
+      parameters->Double("shift",
+                         shift,
+                         least_shift,
+                         1e6,
+                         "added to the diagonal, in units of the stiffness "
+                         "scale");
+  every_ =
+      parameters->Int("every", 20, 1, "iterations between two factorizations");
+}
+
+bool StiffnessPreconditioner::Assemble(const Iterate& at,
+                                       Monitor* monitor,
+                                       Matrix* matrix) {
+  const auto& function =
+      dynamic_cast<const SecondOrderFunction&>(*monitor->function());
+  if (!(at.scales.length > 0.0)) return false;
+  const Monitor::LinearTimer timer(monitor);
+  if (!EvaluateMatrix(function, at, &matrix->lower)) return false;
+  ++monitor->counters().hessians;
+  matrix->pattern_version = function.PatternVersion();
+  matrix->shift = shift_ * (at.scales.gradient / at.scales.length);
+  return true;
+}
+
+bool StiffnessPreconditioner::IsStale(const Iterate& /*at*/,
+                                      const Age& age) const {
+  return age.steps >= every_;
 }
 
 }  // namespace granopt

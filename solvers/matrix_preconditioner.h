@@ -46,8 +46,6 @@ class MatrixPreconditioner : public Preconditioner {
                         Monitor* monitor,
                         Matrix* matrix) = 0;
   virtual bool IsStale(const Iterate& at, const Age& age) const = 0;
-  // Variables that move together, for Age::moved.
-  virtual int BlockSize(const FirstOrderFunction& function) const = 0;
 
  private:
   bool Make(const Iterate& at, Monitor* monitor);
@@ -59,6 +57,27 @@ class MatrixPreconditioner : public Preconditioner {
   std::vector<double> displacement_;
   Age age_;
   mutable Eigen::VectorXd scratch_;
+};
+
+// P = A + shift kappa 1 with an A in the units of second derivatives, kappa =
+// Scales::gradient / Scales::length, made anew every so many iterations.
+class StiffnessPreconditioner : public MatrixPreconditioner {
+ protected:
+  using MatrixPreconditioner::MatrixPreconditioner;
+  // Reads the options `shift` and `every`, which follow a class' own.
+  void ReadPolicy(Parameters* parameters, double shift, double least_shift);
+
+  // Writes A, with the pattern of PatternVersion(). False where it cannot.
+  virtual bool EvaluateMatrix(const SecondOrderFunction& function,
+                              const Iterate& at,
+                              SparseMatrix* lower) = 0;
+
+ private:
+  bool Assemble(const Iterate& at, Monitor* monitor, Matrix* matrix) final;
+  bool IsStale(const Iterate& at, const Age& age) const final;
+
+  double shift_ = 0.0;
+  int every_ = 0;
 };
 
 }  // namespace granopt

@@ -158,6 +158,23 @@ bool Monitor::Begin(const Solver& solver,
   return !Accept(x, *cost, gradient, *scales);
 }
 
+bool Monitor::BeginCached(const Solver& solver,
+                          const double* x,
+                          double* cost,
+                          const double** gradient,
+                          Scales* scales) {
+  std::string why;
+  if (!solver.Supports(*function_, &why)) {
+    Refuse(why);
+    return false;
+  }
+  if (!EvaluateCached(x, cost, gradient, scales)) {
+    FailEvaluation();
+    return false;
+  }
+  return !Accept(x, *cost, *gradient, *scales);
+}
+
 bool Monitor::Evaluate(const double* x,
                        double* cost,
                        double* gradient,
@@ -302,7 +319,7 @@ bool Monitor::Accept(const double* x,
                 scales.vanishing,
                 options_.vanishing_tolerance,
                 iterations));
-  } else if (max_gradient <= tolerance - margin) {
+  } else if (max_gradient <= tolerance - margin && !IsAbove(cost)) {
     Stop(StopReason::CONVERGED,
          Format("|g| = %.2e <= %.2e after %lld iterations",
                 max_gradient,

@@ -45,6 +45,12 @@ class Monitor {
              double* cost,
              double* gradient,
              Scales* scales);
+  // The same with Cache::LAST_EVALUATION, see EvaluateCached().
+  bool BeginCached(const Solver& solver,
+                   const double* x,
+                   double* cost,
+                   const double** gradient,
+                   Scales* scales);
 
   // One counted evaluation. `gradient` and `scales` may be null. Returns false,
   // and remembers the offending entry, if x, the cost or the gradient is not
@@ -68,8 +74,9 @@ class Monitor {
   // Tells the monitor of an accepted iterate: the first call is the start,
   // every further one counts an iteration. Where x or gradient is the memory of
   // the last Evaluate(), it must be as that left it. Returns true if the run
-  // must stop; the reason is then set. A run without a better point for 200
-  // iterations while max|g| is within Roundoff(), or for 10000 iterations
+  // must stop; the reason is then set. A point above the least cost, which is
+  // not the one returned, has not converged. A run without a better point for
+  // 200 iterations while max|g| is within Roundoff(), or for 10000 iterations
   // whatever it is, makes no progress.
   bool Accept(const double* x,
               double cost,

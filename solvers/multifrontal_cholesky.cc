@@ -7,6 +7,7 @@
 #include <cstring>
 #include <numeric>
 
+#include "solvers/diagonal.h"
 #include "solvers/instruction_set.h"
 
 namespace granopt {
@@ -183,10 +184,7 @@ std::vector<int> CountColumns(const std::vector<int>& parent,
 bool MultifrontalCholesky::Analyze(const SparseMatrix& lower) {
   size_ = static_cast<int>(lower.cols());
   for (int j = 0; j < size_; ++j) {
-    const int k = lower.outerIndexPtr()[j];
-    if (k == lower.outerIndexPtr()[j + 1] || lower.innerIndexPtr()[k] != j) {
-      return false;
-    }
+    if (DiagonalPlace(lower, j) < 0) return false;
   }
   block_ = BlockSize(lower);
   blocks_ = size_ / block_;

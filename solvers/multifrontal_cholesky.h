@@ -4,10 +4,10 @@
 // supernodes; each gathers its rows of A and what its children in the
 // elimination tree leave in one dense matrix, the front, factors its own
 // columns and hands the rest on (Duff & Reid, ACM Trans. Math. Softw. 9 (1983)
-// 302; Liu, SIAM Rev. 34 (1992) 82). Fronts of networks in the plane are small, 20 to 300
-// rows, where a call of a BLAS costs as much as its work: the dense kernels are
-// our own (dense_panel.inc), and pattern, ordering and assembly know blocks of
-// the 2 x 2 or 3 x 3 entries of two points instead of entries.
+// 302; Liu, SIAM Rev. 34 (1992) 82). Fronts of networks in the plane are small,
+// 20 to 300 rows, where a call of a BLAS costs as much as its work: the dense
+// kernels are our own (dense_panel.inc), and pattern, ordering and assembly
+// know blocks of the 2 x 2 or 3 x 3 entries of two points instead of entries.
 
 #ifndef GRANOPT_SOLVERS_MULTIFRONTAL_CHOLESKY_H_
 #define GRANOPT_SOLVERS_MULTIFRONTAL_CHOLESKY_H_

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "solvers/diagonal.h"
 #include "solvers/second_order.h"
 
 namespace granopt {
@@ -23,10 +24,9 @@ inline double NormalizingPower(double largest) {
 inline double NormalizingPower(const SparseMatrix& lower, double shift) {
   double largest = lower.cols() > 0 ? std::abs(shift) : 0.0;
   for (int j = 0; j < lower.cols(); ++j) {
-    const int first = lower.outerIndexPtr()[j];
-    if (first == lower.outerIndexPtr()[j + 1]) continue;
-    if (lower.innerIndexPtr()[first] != j) continue;
-    largest = std::max(largest, std::abs(lower.valuePtr()[first] + shift));
+    const int place = DiagonalPlace(lower, j);
+    if (place < 0) continue;
+    largest = std::max(largest, std::abs(lower.valuePtr()[place] + shift));
   }
   return NormalizingPower(largest);
 }

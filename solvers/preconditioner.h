@@ -5,7 +5,6 @@
 
 #include <memory>
 #include <string>
-#include <vector>
 
 #include "solvers/monitor.h"
 #include "solvers/registry.h"
@@ -46,9 +45,8 @@ class Preconditioner {
   // pv = P v.
   virtual void Multiply(const double* v, double* pv) const = 0;
 
-  // u^T P v and (v^T P v)^(1/2).
+  // u^T P v.
   double Dot(const double* u, const double* v, int n) const;
-  double Norm(const double* v, int n) const;
 
   int num_fallbacks() const { return num_fallbacks_; }
 
@@ -56,9 +54,7 @@ class Preconditioner {
   int num_fallbacks_ = 0;
 };
 
-// The preconditioner that `spec` = "name" or "name:key=value,key=value"
-// describes, by itself. Returns null and one line in `error` for an unknown
-// name, an unknown option or a value that does not fit.
+// By itself, as CreateSolver() makes a method.
 std::unique_ptr<Preconditioner> CreatePreconditioner(const std::string& spec,
                                                      std::string* error);
 

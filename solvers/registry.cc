@@ -245,6 +245,12 @@ std::unique_ptr<Solver> CreateSolver(const std::string& spec,
   return solver;
 }
 
+std::unique_ptr<Preconditioner> CreatePreconditioner(const std::string& spec,
+                                                     std::string* error) {
+  return Registered<internal::PreconditionerFactory>().Make(
+      "preconditioner", spec, error);
+}
+
 std::vector<SolverInfo> ListSolvers() {
   return Registered<internal::SolverFactory>().Infos();
 }

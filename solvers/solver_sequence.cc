@@ -37,6 +37,14 @@ Summary Joined(Summary first, Summary second) {
   first.trace.insert(
       first.trace.end(), second.trace.begin(), second.trace.end());
   second.trace = std::move(first.trace);
+  if (second.reason == StopReason::EVALUATION_FAILED &&
+      second.counters.iterations == 0) {
+    // It knows nothing of its start, which is the end of the first.
+    second.cost = first.cost;
+    second.max_gradient = first.max_gradient;
+    second.tolerance = first.tolerance;
+    second.scales = first.scales;
+  }
   second.initial_cost = first.initial_cost;
   second.counters = first.counters + second.counters;
   second.seconds += first.seconds;
@@ -60,9 +68,8 @@ Summary SolverSequence::Minimize(FirstOrderFunction* function,
   bool is_first = true;
   for (const auto& solver : solvers_) {
     std::string why;
-    if (!solver->Supports(*function, &why) && solver != solvers_.back()) {
-      continue;
-    }
+    const bool is_last_hope = is_first && solver == solvers_.back();
+    if (!solver->Supports(*function, &why) && !is_last_hope) continue;
     Summary next = solver->Minimize(function, Remaining(options, total), x);
     total =
         is_first ? std::move(next) : Joined(std::move(total), std::move(next));

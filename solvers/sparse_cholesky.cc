@@ -323,11 +323,6 @@ SparseCholesky::SparseCholesky(Ordering ordering, Factorizer factorizer)
     : ordering_(ordering), wanted_(factorizer) {}
 SparseCholesky::~SparseCholesky() = default;
 
-Factorizer SparseCholesky::factorizer() const {
-  return multifrontal_ != nullptr ? Factorizer::MULTIFRONTAL
-                                  : Factorizer::LIBRARY;
-}
-
 void SparseCholesky::ForgetAnalysis() { LastOfThisThread() = LastAnalysis(); }
 
 bool SparseCholesky::Analyze(const SparseMatrix& lower) {

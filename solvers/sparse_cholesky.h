@@ -82,9 +82,6 @@ class SparseCholesky {
   std::int64_t num_recalled() const { return num_recalled_; }
   std::int64_t num_nonzeros() const { return num_nonzeros_; }
 
-  // Who made the last factor, MULTIFRONTAL or LIBRARY.
-  Factorizer factorizer() const;
-
   // "CHOLMOD 3.0.14" or "Eigen 3.4.0 SimplicialLDLT".
   static std::string Library();
 

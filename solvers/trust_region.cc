@@ -66,7 +66,6 @@ SubproblemStep NearlyExactSubproblem::Solve(
     is_factored = linear_->Factorize(lower, pattern_version, floor + lambda);
     if (!is_factored) {
       if (!linear_->refusal().empty()) return step;
-      ++failures_;
       low = lambda;
       low_failed = true;
       if (high > 0.0) {

@@ -81,10 +81,6 @@ class NearlyExactSubproblem {
   // `radius`, by the formula above; where the next Solve() begins.
   void Suggest(const Eigen::VectorXd& s, double radius);
 
-  double lambda() const { return lambda_; }
-  // Of all factorizations, those that failed.
-  std::int64_t failures() const { return failures_; }
-
  private:
   // slope_ for the last factor and a step s that belongs to it.
   void FindSlope(const Eigen::VectorXd& s, double norm2);
@@ -102,7 +98,6 @@ class NearlyExactSubproblem {
   double barrier_ = 0.0;  // below it, shifts have failed lately
   bool is_known_ = false;
   double unit_ = 1.0;
-  std::int64_t failures_ = 0;
   Eigen::VectorXd w_, z_, minus_g_;
 };
 

@@ -28,8 +28,8 @@
 // before, it would follow one instability into the next. Costs are counts in
 // units of an evaluation, never times.
 //
-// Deviations from the methods' own defaults: none but that they are stopped
-// from outside.
+// Deviations from the methods' own defaults: none but the options above, and
+// that they are stopped from outside.
 
 #include <algorithm>
 #include <cmath>
@@ -283,13 +283,6 @@ class Phases {
       const bool lost_its_start = !is_first_ &&
                                   reason == StopReason::EVALUATION_FAILED &&
                                   phase.counters.iterations == 0;
-      if (lost_its_start) {
-        // What the function said of this point a moment ago stands.
-        phase.cost = total_.cost;
-        phase.max_gradient = total_.max_gradient;
-        phase.tolerance = total_.tolerance;
-        phase.scales = total_.scales;
-      }
       total_ = is_first_ ? std::move(phase)
                          : Joined(std::move(total_), std::move(phase));
       is_first_ = false;

@@ -42,6 +42,7 @@
 #include "ceres/problem.h"
 #include "ceres/solver.h"
 #include "solvers/external_method.h"
+#include "solvers/line_search.h"
 #include "solvers/one_thread.h"
 #include "solvers/quiet_log.h"
 #include "solvers/registry.h"
@@ -49,10 +50,6 @@
 
 namespace granopt {
 namespace {
-
-// Below this change of the cost relative to the cost, a difference of two costs
-// has lost more than half of its digits.
-constexpr double kLostDifference = 1e-8;
 
 // A gap in Ceres' list and the blocks of variables that it depends on.
 struct Term {
@@ -97,13 +94,6 @@ std::vector<Term> Union(const std::vector<Term>& terms,
 // All residuals and their derivatives at the point that Ceres is at.
 class Residuals : public ceres::EvaluationCallback {
  public:
-  // Where cost and gradient are known, and what Ceres was told of the cost.
-  struct Point {
-    std::vector<double> y, gradient;
-    double cost = 0.0;
-    double told = 0.0;
-  };
-
   Residuals(ExternalMethod::Problem* problem,
             const double* y,
             std::vector<Term> terms,
@@ -149,12 +139,15 @@ class Residuals : public ceres::EvaluationCallback {
 
  private:
   bool Evaluate() {
-    here_.y.assign(y_, y_ + problem_->n());
+    here_.x.assign(y_, y_ + problem_->n());
     if (!problem_->Evaluate(y_, &here_.cost, here_.gradient.data()) ||
         !problem_->EvaluateGaps(y_, &gaps_)) {
       return false;
     }
-    Tell();
+    if (!anchor_.x.empty()) {
+      here_.told =
+          anchor_.told + anchor_.Change(y_, here_.cost, here_.gradient.data());
+    }
     std::fill(gap_of_.begin(), gap_of_.end(), -1);
     newcomers_.clear();
     std::size_t t = 0;
@@ -215,24 +208,6 @@ class Residuals : public ceres::EvaluationCallback {
     }
   }
 
-  // See `differences` above.
-  void Tell() {
-    if (anchor_.y.empty()) return;
-    double change = here_.cost - anchor_.cost;
-    if (std::abs(change) <= kLostDifference * std::abs(anchor_.cost)) {
-      double rule = 0.0;
-      for (std::size_t i = 0; i < here_.y.size(); ++i) {
-        rule += 0.5 * (anchor_.gradient[i] + here_.gradient[i]) *
-                (here_.y[i] - anchor_.y[i]);
-      }
-      // Not small itself: the two points are equal in cost, but not near.
-      if (std::abs(rule) <= 2.0 * kLostDifference * std::abs(anchor_.cost)) {
-        change = rule;
-      }
-    }
-    here_.told = anchor_.told + change;
-  }
-
   ExternalMethod::Problem* problem_;
   const double* y_;
   const std::vector<Term> terms_;
@@ -244,7 +219,7 @@ class Residuals : public ceres::EvaluationCallback {
   std::vector<int> start_;                // of a term in jacobian_
   std::vector<double> jacobian_;
   std::vector<Term> newcomers_;
-  Point here_, anchor_;
+  CostAnchor here_, anchor_;  // x: y, in the library's units
   bool is_valid_ = false;
 };
 

@@ -34,6 +34,7 @@
 
 #include "Eigen/Core"
 #include "solvers/barrier.h"
+#include "solvers/diagonal.h"
 #include "solvers/format.h"
 #include "solvers/linear_solver.h"
 #include "solvers/monitor.h"
@@ -241,9 +242,9 @@ class Run {
     for (int i = 0; i < static_cast<int>(degree_.size()); ++i) {
       if (!IsLoose(i)) continue;
       for (int k = 0; k < block_; ++k) {
-        // The diagonal entry is the first of its column.
-        const int first = matrix_.outerIndexPtr()[i * block_ + k];
-        matrix_.valuePtr()[first] += kLooseHold * prestress_;
+        // Where there is none, nothing moves the object.
+        const int place = DiagonalPlace(matrix_, i * block_ + k);
+        if (place >= 0) matrix_.valuePtr()[place] += kLooseHold * prestress_;
       }
     }
     return true;

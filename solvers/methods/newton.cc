@@ -38,6 +38,7 @@
 #include <utility>
 
 #include "Eigen/Core"
+#include "solvers/diagonal.h"
 #include "solvers/linear_solver.h"
 #include "solvers/monitor.h"
 #include "solvers/preconditioner.h"
@@ -224,12 +225,8 @@ bool NewtonRun::UpdateModel() {
   if (!done) return false;
   unit_ = 0.0;
   for (int j = 0; j < n_; ++j) {
-    // The diagonal entry is the first of its column.
-    const int first = hessian_.outerIndexPtr()[j];
-    if (first < hessian_.outerIndexPtr()[j + 1] &&
-        hessian_.innerIndexPtr()[first] == j) {
-      unit_ += std::abs(hessian_.valuePtr()[first]);
-    }
+    const int place = DiagonalPlace(hessian_, j);
+    if (place >= 0) unit_ += std::abs(hessian_.valuePtr()[place]);
   }
   unit_ /= n_;
   // As on a plane.

@@ -2,10 +2,7 @@
 
 #include "solvers/barrier.h"
 
-#include <algorithm>
-#include <memory>
 #include <string>
-#include <vector>
 
 #include "Eigen/Core"
 #include "solvers/matrix_preconditioner.h"
@@ -15,29 +12,22 @@
 namespace granopt {
 namespace {
 
-// P = sum_c W_c grad(delta_c) grad(delta_c)^T + shift kappa 1, kappa =
-// Scales::gradient / Scales::length, with the weights that an interior point
-// has on its central path at x,
+// P = sum_c W_c grad(delta_c) grad(delta_c)^T + shift kappa 1 with the weights
+// that an interior point has on its central path at x,
 //   W = k phi' phi / (phi + s phi'),   phi(e) = e^(alpha-1),
 //   e - s = delta,  phi(e) s = length^alpha.
 // Gaps that are open by less than the length have part of the stiffness of a
-// closed one, so that P foresees them: for length -> 0 only the
-// closed ones are left. The second derivatives of the gaps are left out, so
-// that P is positive semidefinite as it is.
-class Barrier : public MatrixPreconditioner {
+// closed one, so that P foresees them: for length -> 0 only the closed ones are
+// left. The second derivatives of the gaps are left out, so that P is positive
+// semidefinite as it is.
+class Barrier : public StiffnessPreconditioner {
  public:
   explicit Barrier(Parameters* parameters)
-      : MatrixPreconditioner(parameters),
+      : StiffnessPreconditioner(parameters),
         length_(parameters->Double(
-            "length", 0.1, 1e-6, 1e6, "of (B), in units of the mean closure")),
-        shift_(parameters->Double(
-            "shift",
-            1e-3,
-            1e-12,
-            1e6,
-            "added to the diagonal, in units of the stiffness scale")),
-        every_(parameters->Int(
-            "every", 20, 1, "iterations between two factorizations")) {}
+            "length", 0.1, 1e-6, 1e6, "of (B), in units of the mean closure")) {
+    ReadPolicy(parameters, 1e-3, 1e-12);
+  }
 
   bool Supports(const FirstOrderFunction& function,
                 std::string* error) const override {
@@ -49,11 +39,10 @@ class Barrier : public MatrixPreconditioner {
   }
 
  protected:
-  bool Assemble(const Iterate& at, Monitor* monitor, Matrix* matrix) override {
-    const auto& function =
-        dynamic_cast<const UnilateralFunction&>(*monitor->function());
-    if (!(at.scales.length > 0.0)) return false;
-    const Monitor::LinearTimer timer(monitor);
+  bool EvaluateMatrix(const SecondOrderFunction& second,
+                      const Iterate& at,
+                      SparseMatrix* lower) override {
+    const auto& function = dynamic_cast<const UnilateralFunction&>(second);
     if (!function.EvaluateGaps(at.x, &gaps_)) return false;
     const auto m = static_cast<int>(gaps_.ids.size());
     Eigen::VectorXd e(m), s(m), phi(m), dphi(m), weight(m);
@@ -73,28 +62,12 @@ class Barrier : public MatrixPreconditioner {
                       : 0.0;
     }
     const Eigen::VectorXd zero = Eigen::VectorXd::Zero(m);
-    if (!function.EvaluateWeightedHessian(
-            at.x, weight.data(), zero.data(), &matrix->lower)) {
-      return false;
-    }
-    ++monitor->counters().hessians;
-    matrix->pattern_version = function.PatternVersion();
-    matrix->shift = shift_ * (at.scales.gradient / at.scales.length);
-    return true;
-  }
-
-  bool IsStale(const Iterate& /*at*/, const Age& age) const override {
-    return age.steps >= every_;
-  }
-
-  int BlockSize(const FirstOrderFunction& function) const override {
-    return dynamic_cast<const UnilateralFunction&>(function).BlockSize();
+    return function.EvaluateWeightedHessian(
+        at.x, weight.data(), zero.data(), lower);
   }
 
  private:
   const double length_;
-  const double shift_;
-  const int every_;
   Gaps gaps_;
 };
 

@@ -1,6 +1,5 @@
 // The Hessian itself, shifted until it is positive definite.
 
-#include <memory>
 #include <string>
 
 #include "solvers/matrix_preconditioner.h"
@@ -9,18 +8,12 @@
 namespace granopt {
 namespace {
 
-class HessianPreconditioner : public MatrixPreconditioner {
+class HessianPreconditioner : public StiffnessPreconditioner {
  public:
   explicit HessianPreconditioner(Parameters* parameters)
-      : MatrixPreconditioner(parameters),
-        shift_(parameters->Double(
-            "shift",
-            1e-2,
-            0.0,
-            1e6,
-            "added to the diagonal, in units of the stiffness scale")),
-        every_(parameters->Int(
-            "every", 20, 1, "iterations between two factorizations")) {}
+      : StiffnessPreconditioner(parameters) {
+    ReadPolicy(parameters, 1e-2, 0.0);
+  }
 
   bool Supports(const FirstOrderFunction& function,
                 std::string* error) const override {
@@ -32,29 +25,11 @@ class HessianPreconditioner : public MatrixPreconditioner {
   }
 
  protected:
-  bool Assemble(const Iterate& at, Monitor* monitor, Matrix* matrix) override {
-    const auto* function =
-        dynamic_cast<const SecondOrderFunction*>(monitor->function());
-    if (!(at.scales.length > 0.0)) return false;
-    const Monitor::LinearTimer timer(monitor);
-    if (!function->EvaluateHessian(at.x, &matrix->lower)) return false;
-    ++monitor->counters().hessians;
-    matrix->pattern_version = function->PatternVersion();
-    matrix->shift = shift_ * (at.scales.gradient / at.scales.length);
-    return true;
+  bool EvaluateMatrix(const SecondOrderFunction& function,
+                      const Iterate& at,
+                      SparseMatrix* lower) override {
+    return function.EvaluateHessian(at.x, lower);
   }
-
-  bool IsStale(const Iterate& /*at*/, const Age& age) const override {
-    return age.steps >= every_;
-  }
-
-  int BlockSize(const FirstOrderFunction& function) const override {
-    return dynamic_cast<const SecondOrderFunction&>(function).BlockSize();
-  }
-
- private:
-  const double shift_;
-  const int every_;
 };
 
 }  // namespace

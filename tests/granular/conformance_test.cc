@@ -110,104 +110,6 @@ class WatchSecond : public WatchBase<SecondOrderFunction> {
   mutable int hessians_ = 0;
 };
 
-// (x - s)^T A (x - s) / 2 with a sparse A: a chain of springs of very different
-// stiffness, 1 to `condition`, and a solution of order one.
-class Chain : public SecondOrderFunction {
- public:
-  explicit Chain(int n, double condition) : solution_(n), a_(n, n) {
-    std::vector<Eigen::Triplet<double>> entries;
-    const auto add = [&](int i, int j, double k) {
-      entries.emplace_back(i, i, k);
-      entries.emplace_back(j, j, k);
-      entries.emplace_back(std::max(i, j), std::min(i, j), -k);
-    };
-    for (int i = 0; i < n; ++i) {
-      solution_[i] = std::cos(1.0 + i * i);
-      entries.emplace_back(i, i, 1.0);
-      if (i + 1 < n) add(i, i + 1, std::pow(condition / 4.0, i / (n - 1.0)));
-    }
-    a_.setFromTriplets(entries.begin(), entries.end());
-    gradient_scale_ =
-        Eigen::VectorXd(a_.selfadjointView<Eigen::Lower>() * solution_)
-            .cwiseAbs()
-            .mean();
-    largest_ = a_.diagonal().maxCoeff();
-  }
-  int NumParameters() const override {
-    return static_cast<int>(solution_.size());
-  }
-  const Eigen::VectorXd& solution() const { return solution_; }
-  bool EvaluateWithScales(const double* x,
-                          double* cost,
-                          double* gradient,
-                          Scales* scales) const override {
-    const int n = NumParameters();
-    const Eigen::VectorXd d =
-        Eigen::Map<const Eigen::VectorXd>(x, n) - solution_;
-    const Eigen::VectorXd g = a_.selfadjointView<Eigen::Lower>() * d;
-    *cost = 0.5 * d.dot(g);
-    if (gradient != nullptr) Eigen::Map<Eigen::VectorXd>(gradient, n) = g;
-    if (scales != nullptr) {
-      scales->gradient = gradient_scale_;
-      scales->length = gradient_scale_ / largest_;
-    }
-    return true;
-  }
-  bool EvaluateHessian(const double* /*x*/, SparseMatrix* h) const override {
-    *h = a_;
-    return true;
-  }
-  std::int64_t PatternVersion() const override { return 1; }
-  bool HessianTimes(const double* /*x*/,
-                    const double* v,
-                    double* hv) const override {
-    Eigen::Map<Eigen::VectorXd>(hv, NumParameters()) =
-        a_.selfadjointView<Eigen::Lower>() *
-        Eigen::Map<const Eigen::VectorXd>(v, NumParameters());
-    return true;
-  }
-
- private:
-  Eigen::VectorXd solution_;
-  SparseMatrix a_;
-  double gradient_scale_, largest_;
-};
-
-// Second derivatives of what has two variables, by formula.
-class Rosenbrock2 : public SecondOrderFunction {
- public:
-  int NumParameters() const override { return 2; }
-  bool EvaluateWithScales(const double* x,
-                          double* cost,
-                          double* gradient,
-                          Scales* scales) const override {
-    return f_.EvaluateWithScales(x, cost, gradient, scales);
-  }
-  bool EvaluateHessian(const double* x, SparseMatrix* h) const override {
-    h->resize(2, 2);
-    h->setZero();
-    h->insert(0, 0) = 1200.0 * x[0] * x[0] - 400.0 * x[1] + 2.0;
-    h->insert(1, 0) = -400.0 * x[0];
-    h->insert(1, 1) = 200.0;
-    h->makeCompressed();
-    return true;
-  }
-  std::int64_t PatternVersion() const override { return 1; }
-  bool HessianTimes(const double* x,
-                    const double* v,
-                    double* hv) const override {
-    SparseMatrix h;
-    EvaluateHessian(x, &h);
-    Eigen::Map<Eigen::Vector2d>(hv, 2) =
-        h.selfadjointView<Eigen::Lower>() *
-        Eigen::Map<const Eigen::Vector2d>(v, 2);
-    return true;
-  }
-
- private:
-  Rosenbrock f_;
-};
-
 // c.x with or without scales: no minimum.
 class Linear : public FirstOrderFunction {
  public:
@@ -235,10 +137,9 @@ class Linear : public FirstOrderFunction {
 };
 
 // f without its scales.
-class Unscaled : public FirstOrderFunction {
+class Unscaled : public Wrapper {
  public:
-  explicit Unscaled(const FirstOrderFunction* f) : f_(f) {}
-  int NumParameters() const override { return f_->NumParameters(); }
+  using Wrapper::Wrapper;
   bool EvaluateWithScales(const double* x,
                           double* cost,
                           double* gradient,
@@ -246,9 +147,6 @@ class Unscaled : public FirstOrderFunction {
     if (scales != nullptr) *scales = Scales();
     return f_->EvaluateWithScales(x, cost, gradient, nullptr);
   }
-
- private:
-  const FirstOrderFunction* f_;
 };
 
 // ---- runs -------------------------------------------------------------------
@@ -403,7 +301,7 @@ TEST_P(Conformance, ConvexQuadratic) {
 }
 
 TEST_P(Conformance, Rosenbrock) {
-  Rosenbrock2 f;
+  Rosenbrock f;
   if (!Supports(spec(), f)) return;
   const Result run = Watched(&f, kRosenbrockStart, Tolerance(1e-8));
   EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();

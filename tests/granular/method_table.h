@@ -5,14 +5,12 @@
 #ifndef GRANOPT_TESTS_GRANULAR_METHOD_TABLE_H_
 #define GRANOPT_TESTS_GRANULAR_METHOD_TABLE_H_
 
-#include <cctype>
 #include <memory>
 #include <ostream>
 #include <sstream>
 #include <string>
 #include <vector>
 
-#include "gtest/gtest.h"
 #include "solvers/registry.h"
 #include "solvers/solver.h"
 
@@ -133,14 +131,6 @@ inline std::vector<std::string> InHouseSpecs(bool preconditioned) {
     if (IsInHouse(spec)) specs.push_back(spec);
   }
   return specs;
-}
-
-inline std::string TestName(const testing::TestParamInfo<std::string>& info) {
-  std::string name;
-  for (const char c : info.param) {
-    name += std::isalnum(static_cast<unsigned char>(c)) != 0 ? c : '_';
-  }
-  return name;
 }
 
 }  // namespace granopt

@@ -1,17 +1,14 @@
-// Ceres' methods behind our interface, and the traps of Ceres that the
-// interface is there to avoid, as the installed version has them
-// (third_party_notes/ceres.md).
+// What is Ceres' own behind our interface (external_methods_test.cc has what
+// all libraries must do), and the traps of Ceres that the interface is there to
+// avoid, as the installed version has them (third_party_notes/ceres.md).
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
 #include <cstring>
 #include <limits>
 #include <memory>
-#include <ostream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,39 +19,13 @@
 #include "ceres/version.h"
 #include "glog/logging.h"
 #include "gtest/gtest.h"
-#include "solvers/monitor.h"
-#include "solvers/registry.h"
 #include "solvers/solver.h"
+#include "tests/solvers/external_specs.h"
 #include "tests/solvers/run_method.h"
 #include "tests/solvers/test_functions.h"
 
 namespace granopt {
 namespace {
-
-// Armijo's rule with the direction of Hestenes and Stiefel is the one
-// combination that Ceres itself cannot be trusted with: in units of order one
-// it creeps for ever on the parabola 500 (x - s)^2, and it fails on
-// Rosenbrock's function.
-const char kUnreliable[] = "beta=hs,line_search=armijo";
-
-std::vector<std::string> AllSpecs() {
-  std::vector<std::string> specs;
-  for (const char* scaled : {"scaled=0", "scaled=1"}) {
-    specs.push_back(std::string("ceres_lbfgs:") + scaled);
-    specs.push_back(std::string("ceres_lbfgs:differences=1,") + scaled);
-    for (const char* beta : {"fr", "pr", "hs"}) {
-      for (const char* search : {"wolfe", "armijo"}) {
-        specs.push_back(std::string("ceres_ncg:beta=") + beta +
-                        ",line_search=" + search + "," + scaled);
-      }
-    }
-  }
-  return specs;
-}
-
-bool IsReliable(const std::string& spec) {
-  return !Contains(spec, kUnreliable);
-}
 
 class CeresMethods : public testing::TestWithParam<std::string> {
  protected:
@@ -63,47 +34,8 @@ class CeresMethods : public testing::TestWithParam<std::string> {
 
 INSTANTIATE_TEST_SUITE_P(All,
                          CeresMethods,
-                         testing::ValuesIn(AllSpecs()),
-                         [](const testing::TestParamInfo<std::string>& info) {
-                           std::string name = info.param;
-                           for (char& c : name) {
-                             if (!std::isalnum(static_cast<unsigned char>(c)))
-                               c = '_';
-                           }
-                           return name;
-                         });
-
-// ---- Success ----------------------------------------------------------------
-
-TEST_P(CeresMethods, ConvexQuadratic) {
-  Quadratic quadratic(50);
-  const Result run = Minimize(
-      spec(), &quadratic, std::vector<double>(50, 0.0), Tolerance(1e-6));
-  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
-      << run.summary.BriefReport();
-  ExpectHonest(quadratic, run);
-  // |x - s|_2 <= |g|_2 / lambda_min with lambda_min = 1.
-  const Eigen::Map<const Eigen::VectorXd> x(run.x.data(), 50);
-  EXPECT_LE((x - quadratic.solution()).norm(),
-            std::sqrt(50.0) * run.summary.max_gradient);
-  EXPECT_LT(run.summary.counters.iterations, 1500);
-  EXPECT_EQ(run.summary.counters.restarts, 0);
-  EXPECT_EQ(run.summary.counters.hessians, 0);
-}
-
-// In the units of the function, and instead of the relative test.
-TEST_P(CeresMethods, AbsoluteTolerance) {
-  Quadratic quadratic(50);
-  SolveOptions options = Tolerance(1e-300);
-  options.absolute_tolerance = 0.125;
-  const Result run =
-      Minimize(spec(), &quadratic, std::vector<double>(50, 0.0), options);
-  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED);
-  EXPECT_EQ(run.summary.tolerance, 0.125);
-  EXPECT_LE(run.summary.max_gradient, 0.125);
-  EXPECT_GT(run.summary.max_gradient, 1e-4);
-  ExpectHonest(quadratic, run);
-}
+                         testing::ValuesIn(CeresSpecs()),
+                         TestName);
 
 TEST_P(CeresMethods, Rosenbrock) {
   Rosenbrock rosenbrock;
@@ -118,138 +50,7 @@ TEST_P(CeresMethods, Rosenbrock) {
   EXPECT_NEAR(run.x[1], 1.0, 1e-3);
 }
 
-TEST_P(CeresMethods, OneVariable) {
-  Quadratic parabola(1);
-  const Result run = Minimize(spec(), &parabola, {0.0}, Tolerance(1e-10));
-  ExpectHonest(parabola, run);
-  if (!IsReliable(spec())) return;
-  EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
-  EXPECT_NEAR(run.x[0], parabola.solution()[0], 1e-9);
-}
-
-TEST_P(CeresMethods, StartAtTheMinimum) {
-  Rosenbrock rosenbrock;
-  const Result run = Minimize(spec(), &rosenbrock, {1.0, 1.0});
-  EXPECT_EQ(run.summary.reason, StopReason::VANISHED);
-  EXPECT_EQ(run.summary.message, "cost = 0 exactly after 0 iterations");
-  EXPECT_EQ(run.summary.counters.iterations, 0);
-  EXPECT_EQ(run.x, (std::vector<double>{1.0, 1.0}));
-  ExpectHonest(rosenbrock, run);
-}
-
-TEST_P(CeresMethods, StartWithinTheTolerance) {
-  Quadratic quadratic(50);
-  std::vector<double> start(quadratic.solution().begin(),
-                            quadratic.solution().end());
-  start[7] += 1e-12;
-  const Result run = Minimize(spec(), &quadratic, start);
-  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED);
-  EXPECT_EQ(run.summary.counters.iterations, 0);
-  EXPECT_TRUE(SameBits(run.x, start));
-  ExpectHonest(quadratic, run);
-}
-
-TEST_P(CeresMethods, ZeroAtTheStartHasVanished) {
-  Nothing nothing;
-  const std::vector<double> start = {0.5, -0.5, 3.0};
-  const Result run = Minimize(spec(), &nothing, start);
-  EXPECT_EQ(run.summary.reason, StopReason::VANISHED);
-  EXPECT_EQ(run.summary.message, "cost = 0 exactly after 0 iterations");
-  EXPECT_EQ(run.summary.cost, 0.0);
-  EXPECT_TRUE(SameBits(run.x, start));
-}
-
-// ---- Budgets and callbacks --------------------------------------------------
-
-TEST_P(CeresMethods, IterationsExhausted) {
-  Quadratic quadratic(50);
-  const std::vector<double> start(50, 0.0);
-  for (const int budget : {0, 1, 7}) {
-    SolveOptions options;
-    options.max_iterations = budget;
-    const Result run = Minimize(spec(), &quadratic, start, options);
-    EXPECT_EQ(run.summary.reason, StopReason::MAX_ITERATIONS);
-    EXPECT_EQ(run.summary.counters.iterations, budget);
-    if (budget == 0) {
-      EXPECT_EQ(run.summary.counters.evaluations, 1);
-    }
-    ExpectBothNumbers(run.summary, "iterations", budget);
-    ExpectHonest(quadratic, run);
-    EXPECT_EQ(SameBits(run.x, start), budget == 0);
-    EXPECT_EQ(run.summary.cost<run.summary.initial_cost, budget> 0);
-  }
-}
-
-TEST_P(CeresMethods, EvaluationsExhausted) {
-  Quadratic quadratic(50);
-  const std::vector<double> start(50, 0.0);
-  for (const int budget : {1, 2, 3, 20}) {
-    SCOPED_TRACE(budget);
-    Spy spy(&quadratic);
-    SolveOptions options;
-    options.max_evaluations = budget;
-    const Result run = Minimize(spec(), &spy, start, options);
-    EXPECT_EQ(run.summary.reason, StopReason::MAX_EVALUATIONS);
-    EXPECT_EQ(spy.evaluations(), budget);
-    EXPECT_EQ(run.summary.counters.evaluations, budget);
-    EXPECT_EQ(run.summary.initial_cost, CostAt(quadratic, start));
-    ExpectBothNumbers(run.summary, "evaluations", budget);
-    ExpectHonest(quadratic, run);
-    if (budget == 20) {
-      EXPECT_LT(run.summary.cost, run.summary.initial_cost);
-    }
-  }
-}
-
-TEST_P(CeresMethods, CallbackStops) {
-  Quadratic quadratic(50);
-  SolveOptions options;
-  int calls = 0;
-  options.callback = [&](const IterationState& state) {
-    EXPECT_EQ(state.counters.iterations, calls);
-    EXPECT_EQ(state.num_parameters, 50);
-    const std::vector<double> x(state.x, state.x + 50);
-    EXPECT_TRUE(SameBits(state.cost, CostAt(quadratic, x)));
-    EXPECT_TRUE(SameBits(state.max_gradient, MaxGradientAt(quadratic, x)));
-    double largest = 0.0;
-    for (int i = 0; i < 50; ++i) {
-      largest = std::max(largest, std::abs(state.gradient[i]));
-    }
-    EXPECT_EQ(largest, state.max_gradient);
-    return ++calls < 4;
-  };
-  const Result run =
-      Minimize(spec(), &quadratic, std::vector<double>(50, 0.0), options);
-  EXPECT_EQ(calls, 4);
-  EXPECT_EQ(run.summary.reason, StopReason::CALLBACK);
-  EXPECT_EQ(run.summary.counters.iterations, 3);
-  EXPECT_FALSE(run.summary.Succeeded());
-  EXPECT_TRUE(Contains(run.summary.message, "stopped by the caller"));
-  ExpectBothNumbers(run.summary, "iterations", 3);
-  EXPECT_LT(run.summary.cost, run.summary.initial_cost);
-  ExpectHonest(quadratic, run);
-}
-
 // ---- Failure ----------------------------------------------------------------
-
-TEST_P(CeresMethods, NanAtTheStart) {
-  Quadratic quadratic(50);
-  Spy spy(&quadratic, [](int, double*, double* gradient) {
-    if (gradient != nullptr) gradient[17] = kNan;
-    return true;
-  });
-  const std::vector<double> start(50, 0.25);
-  const Result run = Minimize(spec(), &spy, start);
-  EXPECT_EQ(run.summary.reason, StopReason::EVALUATION_FAILED);
-  EXPECT_EQ(run.summary.message, "gradient[17] = nan at evaluation 1");
-  EXPECT_EQ(spy.evaluations(), 1);
-  EXPECT_TRUE(SameBits(run.x, start));
-
-  const Result bad_start =
-      Minimize(spec(), &quadratic, std::vector<double>(50, kNan));
-  EXPECT_EQ(bad_start.summary.reason, StopReason::EVALUATION_FAILED);
-  EXPECT_EQ(bad_start.summary.message, "x[0] = nan at evaluation 1");
-}
 
 // One bad trial point is the line search's business, if it is the first of its
 // line. A point between two good ones Ceres does not do without; then the run
@@ -303,23 +104,6 @@ TEST_P(CeresMethods, NanFromNowOn) {
   }
 }
 
-// Ceres calls this FAILURE and throws its result away (trap T6, below).
-TEST_P(CeresMethods, BestPointSurvivesAFunctionThatRefuses) {
-  Quadratic quadratic(50);
-  const std::vector<double> start(50, 0.0);
-  Spy spy(&quadratic,
-          [](int evaluation, double*, double*) { return evaluation <= 60; });
-  const Result run = Minimize(spec(), &spy, start, Tolerance(1e-10));
-  EXPECT_EQ(run.summary.reason, StopReason::EVALUATION_FAILED);
-  EXPECT_EQ(run.summary.message, "the function refused evaluation 61");
-  ExpectHonest(quadratic, run);
-  EXPECT_FALSE(SameBits(run.x, start));
-  // Not a worse point than the last trial points of the line search, of which
-  // one may be a little better than the last accepted.
-  EXPECT_LT(run.summary.cost, 0.1 * run.summary.initial_cost);
-  EXPECT_LE(run.summary.cost, 2.0 * spy.least_cost());
-}
-
 // A function that cannot be rebased is not stopped for it: Ceres keeps its
 // history.
 TEST_P(CeresMethods, NoRestartWhereNoRebaseIsPossible) {
@@ -332,75 +116,7 @@ TEST_P(CeresMethods, NoRestartWhereNoRebaseIsPossible) {
   ExpectHonest(offset, run);
 }
 
-// What the methods share keeps the best point, whatever comes after it.
-TEST(Monitor, FinishGivesTheBestPoint) {
-  Quadratic quadratic(2);
-  SolveOptions options;
-  Monitor monitor(
-      &quadratic, options, "a method", Monitor::Cache::LAST_EVALUATION);
-  const auto accept = [&](std::vector<double> x) {
-    double cost;
-    const double* gradient;
-    Scales scales;
-    EXPECT_TRUE(monitor.EvaluateCached(x.data(), &cost, &gradient, &scales));
-    EXPECT_FALSE(monitor.Accept(x.data(), cost, gradient, scales));
-  };
-  const std::vector<double> best = {0.5, 0.5};
-  accept({0.0, 0.0});
-  accept(best);
-  accept({8.0, 8.0});
-  monitor.GiveUp("out of ideas");
-  Result result = {{}, {8.0, 8.0}};
-  result.summary = monitor.Finish(result.x.data());
-  EXPECT_EQ(result.x, best);
-  EXPECT_EQ(result.summary.reason, StopReason::NO_PROGRESS);
-  EXPECT_EQ(result.summary.solver, "a method");
-  EXPECT_EQ(result.summary.counters.iterations, 2);
-  ExpectHonest(quadratic, result);
-  ExpectBothNumbers(result.summary, "iterations", 2);
-}
-
-// Also where the origin has moved since.
-TEST(Monitor, RebaseMovesTheBestPoint) {
-  Quadratic quadratic(2);
-  Offset offset(&quadratic, 4.0, /*can_rebase=*/true);
-  SolveOptions options;
-  Monitor monitor(
-      &offset, options, "a method", Monitor::Cache::LAST_EVALUATION);
-  std::vector<double> x = {4.5, 4.5};
-  double cost;
-  const double* gradient;
-  Scales scales;
-  ASSERT_TRUE(monitor.EvaluateCached(x.data(), &cost, &gradient, &scales));
-  EXPECT_FALSE(monitor.Accept(x.data(), cost, gradient, scales));
-  std::vector<double> elsewhere = {12.0, 20.0};
-  EXPECT_TRUE(monitor.Rebase(elsewhere.data()));
-  EXPECT_EQ(elsewhere, (std::vector<double>{0.0, 0.0}));
-  Result result = {{}, elsewhere};
-  result.summary = monitor.Finish(result.x.data());
-  EXPECT_EQ(result.x, (std::vector<double>{-7.5, -15.5}));
-  EXPECT_EQ(result.summary.counters.rebases, 1);
-  ExpectHonest(offset, result);
-}
-
 // ---- Records ----------------------------------------------------------------
-
-TEST_P(CeresMethods, TwoRunsAreBitwiseEqual) {
-  Rosenbrock rosenbrock;
-  SolveOptions options = Tolerance(1e-6);
-  options.record_trace = true;
-  const Result a = Minimize(spec(), &rosenbrock, kRosenbrockStart, options);
-  const Result b = Minimize(spec(), &rosenbrock, kRosenbrockStart, options);
-  EXPECT_TRUE(SameBits(a.x, b.x));
-  EXPECT_EQ(a.summary.message, b.summary.message);
-  EXPECT_EQ(a.summary.counters.evaluations, b.summary.counters.evaluations);
-  ASSERT_EQ(a.summary.trace.size(), b.summary.trace.size());
-  for (std::size_t i = 0; i < a.summary.trace.size(); ++i) {
-    EXPECT_TRUE(SameBits(a.summary.trace[i].cost, b.summary.trace[i].cost));
-    EXPECT_TRUE(SameBits(a.summary.trace[i].max_gradient,
-                         b.summary.trace[i].max_gradient));
-  }
-}
 
 TEST_P(CeresMethods, TraceAgreesWithTheCounters) {
   Quadratic quadratic(50);
@@ -436,23 +152,6 @@ TEST_P(CeresMethods, TraceAgreesWithTheCounters) {
 }
 
 // ---- Units: what scaled=1 is for --------------------------------------------
-
-// 2^-60 f(2^20 x) is f in other units. With scaled=1 a method takes bitwise the
-// same iterations.
-TEST_P(CeresMethods, ScaledIsIndependentOfUnits) {
-  if (!Contains(spec(), "scaled=1")) return;
-  Quadratic quadratic(50);
-  InOtherUnits other(&quadratic, -60, 20);
-  const std::vector<double> start(50, 0.0);
-  const Result a = Minimize(spec(), &quadratic, start, Tolerance(1e-6));
-  const Result b = Minimize(spec(), &other, start, Tolerance(1e-6));
-  EXPECT_EQ(b.summary.reason, a.summary.reason);
-  EXPECT_EQ(b.summary.counters.iterations, a.summary.counters.iterations);
-  EXPECT_EQ(b.summary.counters.evaluations, a.summary.counters.evaluations);
-  EXPECT_EQ(b.summary.max_gradient, 0x1p-40 * a.summary.max_gradient);
-  EXPECT_EQ(b.summary.tolerance, 0x1p-40 * a.summary.tolerance);
-  for (int i = 0; i < 50; ++i) EXPECT_EQ(b.x[i], 0x1p-20 * a.x[i]) << i;
-}
 
 // Ceres as it is does not get there: s.y <= 1e-14 freezes L-BFGS, g.d > -1e-12
 // makes NCG start afresh at each step, so that both are gradient descent with

@@ -1,14 +1,12 @@
-// Methods of other libraries (NLopt, libLBFGS, PETSc) behind our interface:
-// whatever a library does inside, counts, stops and points are ours. Those that
-// were not found when this was configured are skipped.
+// NLopt, libLBFGS and PETSc behind our interface: what goes beyond
+// external_methods_test.cc. Those that were not found when this was configured
+// are skipped.
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <csignal>
 #include <cstdint>
 #include <cstdlib>
-#include <limits>
 #include <string>
 #include <vector>
 
@@ -17,35 +15,12 @@
 #include "solvers/registry.h"
 #include "solvers/second_order.h"
 #include "solvers/solver.h"
+#include "tests/solvers/external_specs.h"
 #include "tests/solvers/run_method.h"
 #include "tests/solvers/test_functions.h"
 
 namespace granopt {
 namespace {
-
-bool IsRegistered(const std::string& spec) {
-  const std::string name = spec.substr(0, spec.find(':'));
-  for (const SolverInfo& info : ListSolvers()) {
-    if (info.name == name) return true;
-  }
-  return false;
-}
-
-const char* const kCompetitors[] = {"nlopt_lbfgs", "liblbfgs", "tao_lmvm"};
-
-std::vector<std::string> AllSpecs() {
-  std::vector<std::string> specs;
-  for (const std::string scaled : {"scaled=0", "scaled=1"}) {
-    for (const std::string name : kCompetitors) {
-      specs.push_back(name + ":" + scaled);
-    }
-    for (const char* search : {"wolfe", "strong_wolfe"}) {
-      specs.push_back(std::string("liblbfgs:line_search=") + search + "," +
-                      scaled);
-    }
-  }
-  return specs;
-}
 
 class Competitors : public testing::TestWithParam<std::string> {
  protected:
@@ -57,33 +32,8 @@ class Competitors : public testing::TestWithParam<std::string> {
 
 INSTANTIATE_TEST_SUITE_P(All,
                          Competitors,
-                         testing::ValuesIn(AllSpecs()),
-                         [](const testing::TestParamInfo<std::string>& info) {
-                           std::string name = info.param;
-                           for (char& c : name) {
-                             if (!std::isalnum(static_cast<unsigned char>(c)))
-                               c = '_';
-                           }
-                           return name;
-                         });
-
-// ---- Success ----------------------------------------------------------------
-
-TEST_P(Competitors, ConvexQuadratic) {
-  Quadratic quadratic(50);
-  const Result run = Minimize(
-      spec(), &quadratic, std::vector<double>(50, 0.0), Tolerance(1e-6));
-  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
-      << run.summary.BriefReport();
-  ExpectHonest(quadratic, run);
-  // |x - s|_2 <= |g|_2 / lambda_min with lambda_min = 1.
-  const Eigen::Map<const Eigen::VectorXd> x(run.x.data(), 50);
-  EXPECT_LE((x - quadratic.solution()).norm(),
-            std::sqrt(50.0) * run.summary.max_gradient);
-  EXPECT_LT(run.summary.counters.iterations, 1000);
-  EXPECT_EQ(run.summary.counters.restarts, 0);
-  EXPECT_EQ(run.summary.counters.hessians, 0);
-}
+                         testing::ValuesIn(CompetitorSpecs()),
+                         TestName);
 
 TEST_P(Competitors, Rosenbrock) {
   Rosenbrock rosenbrock;
@@ -93,55 +43,6 @@ TEST_P(Competitors, Rosenbrock) {
   ExpectHonest(rosenbrock, run);
   EXPECT_NEAR(run.x[0], 1.0, 1e-6);
   EXPECT_NEAR(run.x[1], 1.0, 1e-6);
-}
-
-TEST_P(Competitors, OneVariable) {
-  Quadratic parabola(1);
-  const Result run = Minimize(spec(), &parabola, {0.0}, Tolerance(1e-10));
-  EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
-  ExpectHonest(parabola, run);
-  EXPECT_NEAR(run.x[0], parabola.solution()[0], 1e-9);
-}
-
-TEST_P(Competitors, AbsoluteTolerance) {
-  Quadratic quadratic(50);
-  SolveOptions options = Tolerance(1e-300);
-  options.absolute_tolerance = 0.125;
-  const Result run =
-      Minimize(spec(), &quadratic, std::vector<double>(50, 0.0), options);
-  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED);
-  EXPECT_EQ(run.summary.tolerance, 0.125);
-  EXPECT_GT(run.summary.max_gradient, 1e-4);
-  ExpectHonest(quadratic, run);
-}
-
-TEST_P(Competitors, StartAtTheMinimum) {
-  Rosenbrock rosenbrock;
-  const Result run = Minimize(spec(), &rosenbrock, {1.0, 1.0});
-  EXPECT_EQ(run.summary.reason, StopReason::VANISHED);
-  EXPECT_EQ(run.summary.message, "cost = 0 exactly after 0 iterations");
-  EXPECT_EQ(run.summary.counters.evaluations, 1);
-  EXPECT_EQ(run.x, (std::vector<double>{1.0, 1.0}));
-}
-
-TEST_P(Competitors, ZeroAtTheStartHasVanished) {
-  Nothing nothing;
-  const std::vector<double> start = {0.5, -0.5, 3.0};
-  const Result run = Minimize(spec(), &nothing, start);
-  EXPECT_EQ(run.summary.reason, StopReason::VANISHED);
-  EXPECT_EQ(run.summary.counters.evaluations, 1);
-  EXPECT_TRUE(SameBits(run.x, start));
-}
-
-TEST_P(Competitors, StartWithinTheTolerance) {
-  Quadratic quadratic(50);
-  std::vector<double> start(quadratic.solution().begin(),
-                            quadratic.solution().end());
-  start[7] += 1e-12;
-  const Result run = Minimize(spec(), &quadratic, start);
-  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED);
-  EXPECT_EQ(run.summary.counters.iterations, 0);
-  EXPECT_TRUE(SameBits(run.x, start));
 }
 
 // ---- Counts -----------------------------------------------------------------
@@ -219,17 +120,6 @@ TEST_P(Competitors, CountsAreRight) {
   }
 }
 
-TEST_P(Competitors, TwoRunsAreBitwiseEqual) {
-  Rosenbrock rosenbrock;
-  const Result a =
-      Minimize(spec(), &rosenbrock, kRosenbrockStart, Tolerance(1e-8));
-  const Result b =
-      Minimize(spec(), &rosenbrock, kRosenbrockStart, Tolerance(1e-8));
-  EXPECT_TRUE(SameBits(a.x, b.x));
-  EXPECT_EQ(a.summary.message, b.summary.message);
-  EXPECT_EQ(a.summary.counters.evaluations, b.summary.counters.evaluations);
-}
-
 // One after another, and one inside the callback of another.
 TEST(Competitors, InSequenceAndNested) {
   Quadratic quadratic(50);
@@ -260,94 +150,7 @@ TEST(Competitors, InSequenceAndNested) {
   }
 }
 
-// ---- Budgets and callbacks --------------------------------------------------
-
-TEST_P(Competitors, IterationsExhausted) {
-  Quadratic quadratic(50);
-  const std::vector<double> start(50, 0.0);
-  for (const int budget : {0, 1, 7}) {
-    SolveOptions options;
-    options.max_iterations = budget;
-    const Result run = Minimize(spec(), &quadratic, start, options);
-    EXPECT_EQ(run.summary.reason, StopReason::MAX_ITERATIONS);
-    EXPECT_EQ(run.summary.counters.iterations, budget);
-    if (budget == 0) {
-      EXPECT_EQ(run.summary.counters.evaluations, 1);
-    }
-    ExpectBothNumbers(run.summary, "iterations", budget);
-    ExpectHonest(quadratic, run);
-    EXPECT_EQ(SameBits(run.x, start), budget == 0);
-    EXPECT_EQ(run.summary.cost<run.summary.initial_cost, budget> 0);
-  }
-}
-
-// Inside a line search, too.
-TEST_P(Competitors, EvaluationsExhausted) {
-  Quadratic quadratic(50);
-  const std::vector<double> start(50, 0.0);
-  for (int budget = 1; budget <= 40; ++budget) {
-    SCOPED_TRACE(budget);
-    Spy spy(&quadratic);
-    SolveOptions options;
-    options.max_evaluations = budget;
-    const Result run = Minimize(spec(), &spy, start, options);
-    EXPECT_EQ(run.summary.reason, StopReason::MAX_EVALUATIONS);
-    EXPECT_EQ(spy.evaluations(), budget);
-    EXPECT_EQ(run.summary.counters.evaluations, budget);
-    ExpectBothNumbers(run.summary, "evaluations", budget);
-    ExpectHonest(quadratic, run);
-    EXPECT_LE(run.summary.cost, run.summary.initial_cost);
-    if (budget >= 30) {
-      EXPECT_LT(run.summary.cost, run.summary.initial_cost);
-    }
-  }
-}
-
-TEST_P(Competitors, SecondsExhausted) {
-  Quadratic quadratic(50);
-  SolveOptions options;
-  options.max_seconds = 0.0;
-  const std::vector<double> start(50, 0.0);
-  const Result run = Minimize(spec(), &quadratic, start, options);
-  EXPECT_EQ(run.summary.reason, StopReason::MAX_SECONDS);
-  EXPECT_TRUE(SameBits(run.x, start));
-}
-
-TEST_P(Competitors, CallbackStops) {
-  Quadratic quadratic(50);
-  SolveOptions options;
-  int calls = 0;
-  options.callback = [&](const IterationState& state) {
-    EXPECT_EQ(state.counters.iterations, calls);
-    const std::vector<double> x(state.x, state.x + 50);
-    EXPECT_TRUE(SameBits(state.cost, CostAt(quadratic, x)));
-    EXPECT_TRUE(SameBits(state.max_gradient, MaxGradientAt(quadratic, x)));
-    return ++calls < 4;
-  };
-  const Result run =
-      Minimize(spec(), &quadratic, std::vector<double>(50, 0.0), options);
-  EXPECT_EQ(calls, 4);
-  EXPECT_EQ(run.summary.reason, StopReason::CALLBACK);
-  EXPECT_EQ(run.summary.counters.iterations, 3);
-  EXPECT_TRUE(Contains(run.summary.message, "stopped by the caller"));
-  EXPECT_LT(run.summary.cost, run.summary.initial_cost);
-  ExpectHonest(quadratic, run);
-}
-
 // ---- Failure ----------------------------------------------------------------
-
-TEST_P(Competitors, NanAtTheStart) {
-  Quadratic quadratic(50);
-  Spy spy(&quadratic, [](int, double*, double* gradient) {
-    if (gradient != nullptr) gradient[17] = kNan;
-    return true;
-  });
-  const std::vector<double> start(50, 0.25);
-  const Result run = Minimize(spec(), &spy, start);
-  EXPECT_EQ(run.summary.reason, StopReason::EVALUATION_FAILED);
-  EXPECT_EQ(run.summary.message, "gradient[17] = nan at evaluation 1");
-  EXPECT_TRUE(SameBits(run.x, start));
-}
 
 // The run ends there, and gives back the best point from before.
 TEST_P(Competitors, NanLaterOn) {
@@ -379,18 +182,6 @@ TEST_P(Competitors, NanLaterOn) {
       }
     }
   }
-}
-
-TEST_P(Competitors, BestPointSurvivesAFunctionThatRefuses) {
-  Quadratic quadratic(50);
-  Spy spy(&quadratic,
-          [](int evaluation, double*, double*) { return evaluation <= 60; });
-  const Result run =
-      Minimize(spec(), &spy, std::vector<double>(50, 0.0), Tolerance(1e-10));
-  EXPECT_EQ(run.summary.reason, StopReason::EVALUATION_FAILED);
-  EXPECT_EQ(run.summary.message, "the function refused evaluation 61");
-  ExpectHonest(quadratic, run);
-  EXPECT_LT(run.summary.cost, 0.1 * run.summary.initial_cost);
 }
 
 // Where no step lowers the cost it says so in its own words, and restarts are
@@ -489,23 +280,6 @@ TEST_P(Competitors, RecentersAtEachIterate) {
   EXPECT_EQ(run.summary.counters.recenters, run.summary.counters.iterations);
 }
 
-// ---- Units: what scaled=1 is for --------------------------------------------
-
-TEST_P(Competitors, ScaledIsIndependentOfUnits) {
-  if (!Contains(spec(), "scaled=1")) return;
-  Quadratic quadratic(50);
-  const std::vector<double> start(50, 0.0);
-  const Result a = Minimize(spec(), &quadratic, start, Tolerance(1e-6));
-  for (const int exponent : {-60, 60}) {
-    InOtherUnits other(&quadratic, exponent, 20);
-    const Result b = Minimize(spec(), &other, start, Tolerance(1e-6));
-    EXPECT_EQ(b.summary.reason, StopReason::CONVERGED);
-    EXPECT_EQ(b.summary.counters.iterations, a.summary.counters.iterations);
-    EXPECT_EQ(b.summary.counters.evaluations, a.summary.counters.evaluations);
-    for (int i = 0; i < 50; ++i) EXPECT_EQ(b.x[i], 0x1p-20 * a.x[i]) << i;
-  }
-}
-
 // ---- Newton's methods -------------------------------------------------------
 
 // A chain of hard springs, sum (d^2 / 2 + d^4 / 4) of the differences d of
@@ -600,14 +374,7 @@ INSTANTIATE_TEST_SUITE_P(All,
                                          "tao_bntr:linear=mumps,scaled=1",
                                          "tao_bntr:linear=icc",
                                          "tao_bntr:linear=jacobi,scaled=1"),
-                         [](const testing::TestParamInfo<std::string>& info) {
-                           std::string name = info.param;
-                           for (char& c : name) {
-                             if (!std::isalnum(static_cast<unsigned char>(c)))
-                               c = '_';
-                           }
-                           return name;
-                         });
+                         TestName);
 
 // The pattern is another one each time: what was made for the last one must not
 // be used again.

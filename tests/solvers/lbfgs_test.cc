@@ -2,7 +2,6 @@
 // P = C C^T on f takes the steps of the method without on F(y) = f(C^-T y).
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <cstddef>
 #include <memory>
@@ -207,11 +206,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Identity{"heavy_ball", 60, 1e-9},
                     Identity{"heavy_ball:momentum=0.5", 60, 1e-9}),
     [](const testing::TestParamInfo<Identity>& info) {
-      std::string name = info.param.spec;
-      for (char& c : name) {
-        if (std::isalnum(static_cast<unsigned char>(c)) == 0) c = '_';
-      }
-      return name;
+      return TestName({info.param.spec, info.index});
     });
 
 TEST_P(ChangesVariables, AsTheIdentitySays) {
@@ -377,8 +372,8 @@ TEST(Ncg, NegativeBetasAreBounded) {
   for (const std::string beta : {"pr", "hs", "hz"}) {
     SCOPED_TRACE(beta);
     Rosenbrock f;
-    SolveOptions options = Tolerance(1e-9);
-    const Result run = Minimize("ncg:beta=" + beta, &f, {-1.2, 1.0}, options);
+    const Result run =
+        Minimize("ncg:beta=" + beta, &f, kRosenbrockStart, Tolerance(1e-9));
     EXPECT_EQ(run.summary.reason, StopReason::CONVERGED);
     EXPECT_LE(run.summary.counters.iterations, 200);
   }
@@ -454,8 +449,7 @@ TEST(Fire, StepsAreThoseOfTheFormulas) {
   }
 }
 
-// ---- the end of what doubles can tell
-// ----------------------------------------
+// ---- the end of what doubles can tell ---------------------------------------
 
 // Variables of 1e8: the minimum lies between two of them, and a step toward it
 // is rounded away. A function without scales, so that nothing else ends the

@@ -27,6 +27,85 @@ StopReason ReasonOf(Monitor* monitor) {
   return monitor->Finish(&x).reason;
 }
 
+// A point above the least cost seen is not returned, and so its gradient does
+// not end the run.
+TEST(Monitor, NothingConvergesAboveTheBestPoint) {
+  Quadratic f(1);
+  for (const double last : {0.9, 0.5}) {
+    Monitor monitor(&f, SolveOptions(), "test");
+    EXPECT_FALSE(Accept(&monitor, 0.0, 1.0, 1.0));
+    EXPECT_FALSE(Accept(&monitor, 1.0, 0.5, 0.1));
+    EXPECT_FALSE(Accept(&monitor, 2.0, 0.9, 1e-11));
+    EXPECT_EQ(Accept(&monitor, 3.0, last, 1e-11), last == 0.5);
+    double x;
+    const Summary summary = monitor.Finish(&x);
+    EXPECT_EQ(summary.Succeeded(), last == 0.5) << summary.message;
+    EXPECT_EQ(summary.max_gradient, last == 0.5 ? 1e-11 : 0.1);
+    EXPECT_EQ(x, last == 0.5 ? 3.0 : 1.0);
+  }
+}
+
+// All of a message, however long.
+TEST(Monitor, MessagesAreNotCut) {
+  Quadratic f(1);
+  Monitor monitor(&f, SolveOptions(), "test");
+  Accept(&monitor, 0.0, 1.0, 1.0);
+  monitor.GiveUp(std::string(2000, 'a') + "z");
+  double x;
+  EXPECT_TRUE(Contains(monitor.Finish(&x).BriefReport(), "az"));
+}
+
+// What the methods share keeps the best point, whatever comes after it.
+TEST(Monitor, FinishGivesTheBestPoint) {
+  Quadratic quadratic(2);
+  SolveOptions options;
+  Monitor monitor(
+      &quadratic, options, "a method", Monitor::Cache::LAST_EVALUATION);
+  const auto accept = [&](std::vector<double> x) {
+    double cost;
+    const double* gradient;
+    Scales scales;
+    EXPECT_TRUE(monitor.EvaluateCached(x.data(), &cost, &gradient, &scales));
+    EXPECT_FALSE(monitor.Accept(x.data(), cost, gradient, scales));
+  };
+  const std::vector<double> best = {0.5, 0.5};
+  accept({0.0, 0.0});
+  accept(best);
+  accept({8.0, 8.0});
+  monitor.GiveUp("out of ideas");
+  Result result = {{}, {8.0, 8.0}};
+  result.summary = monitor.Finish(result.x.data());
+  EXPECT_EQ(result.x, best);
+  EXPECT_EQ(result.summary.reason, StopReason::NO_PROGRESS);
+  EXPECT_EQ(result.summary.solver, "a method");
+  EXPECT_EQ(result.summary.counters.iterations, 2);
+  ExpectHonest(quadratic, result);
+  ExpectBothNumbers(result.summary, "iterations", 2);
+}
+
+// Also where the origin has moved since.
+TEST(Monitor, RebaseMovesTheBestPoint) {
+  Quadratic quadratic(2);
+  Offset offset(&quadratic, 4.0, /*can_rebase=*/true);
+  SolveOptions options;
+  Monitor monitor(
+      &offset, options, "a method", Monitor::Cache::LAST_EVALUATION);
+  std::vector<double> x = {4.5, 4.5};
+  double cost;
+  const double* gradient;
+  Scales scales;
+  ASSERT_TRUE(monitor.EvaluateCached(x.data(), &cost, &gradient, &scales));
+  EXPECT_FALSE(monitor.Accept(x.data(), cost, gradient, scales));
+  std::vector<double> elsewhere = {12.0, 20.0};
+  EXPECT_TRUE(monitor.Rebase(elsewhere.data()));
+  EXPECT_EQ(elsewhere, (std::vector<double>{0.0, 0.0}));
+  Result result = {{}, elsewhere};
+  result.summary = monitor.Finish(result.x.data());
+  EXPECT_EQ(result.x, (std::vector<double>{-7.5, -15.5}));
+  EXPECT_EQ(result.summary.counters.rebases, 1);
+  ExpectHonest(offset, result);
+}
+
 // A budget that ran out on the way to a point that has converged.
 TEST(Monitor, ConvergenceOutweighsABudget) {
   Quadratic f(1);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "solvers/preconditioner.h"
 
 namespace granopt {
 namespace {
@@ -214,6 +215,30 @@ TEST(Registry, NotKeyValue) {
                            "ceres_lbfgs:"}) {
     EXPECT_EQ(ErrorOf(spec), expected(spec, ""));
   }
+}
+
+// By themselves, preconditioners are read as methods are.
+TEST(Registry, PreconditionersBySpec) {
+  const auto error_of = [](const std::string& spec) {
+    std::string error;
+    return CreatePreconditioner(spec, &error) != nullptr ? "no error" : error;
+  };
+  EXPECT_EQ(error_of("barrier"), "no error");
+  EXPECT_EQ(error_of("barrier:length=0.2,every=5"), "no error");
+  EXPECT_EQ(error_of("barrier:"),
+            "preconditioner 'barrier:': '' is not key=value");
+  EXPECT_EQ(error_of("barrier:every=5,every=5"),
+            "preconditioner 'barrier:every=5,every=5': option 'every' is given "
+            "twice");
+  EXPECT_EQ(error_of("barrier:every=0"),
+            "preconditioner 'barrier': option every=0 must be an integer in "
+            "[1, 1000000000]");
+  EXPECT_EQ(
+      error_of("hessian:length=1")
+          .find("preconditioner 'hessian': unknown option 'length' (it has "),
+      0u);
+  EXPECT_EQ(error_of("barier").find("unknown preconditioner 'barier' (known: "),
+            0u);
 }
 
 TEST(Registry, TableHasEverything) {

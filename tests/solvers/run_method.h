@@ -4,6 +4,7 @@
 #define GRANOPT_TESTS_SOLVERS_RUN_METHOD_H_
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -87,6 +88,24 @@ inline SolveOptions Tolerance(double relative) {
   // No method needs that many; a run that hangs must end.
   options.max_iterations = 20000;
   return options;
+}
+
+// The name of a test over specs.
+inline std::string TestName(const testing::TestParamInfo<std::string>& info) {
+  std::string name = info.param;
+  for (char& c : name) {
+    if (std::isalnum(static_cast<unsigned char>(c)) == 0) c = '_';
+  }
+  return name;
+}
+
+// Methods of optional packages need not be there.
+inline bool IsRegistered(const std::string& spec) {
+  const std::string name = spec.substr(0, spec.find(':'));
+  for (const SolverInfo& info : ListSolvers()) {
+    if (info.name == name) return true;
+  }
+  return false;
 }
 
 inline const std::vector<double> kRosenbrockStart = {-1.2, 1.0};

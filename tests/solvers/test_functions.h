@@ -6,13 +6,16 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <utility>
 #include <vector>
 
 #include "Eigen/Core"
+#include "Eigen/SparseCore"
 #include "solvers/first_order.h"
+#include "solvers/second_order.h"
 
 namespace granopt {
 
@@ -63,11 +66,103 @@ class Quadratic : public FirstOrderFunction {
   double gradient_scale_;
 };
 
-// 100 (x_2 - x_1^2)^2 + (1 - x_1)^2, minimum 0 at (1, 1).
-// Source: Rosenbrock, Comput. J. 3 (1960) 175.
-class Rosenbrock : public FirstOrderFunction {
+// (x - s)^T A (x - s) / 2 with a sparse A: a chain of springs of very different
+// stiffness, 1 to `condition`, and a solution of order one.
+class Chain : public SecondOrderFunction {
+ public:
+  Chain(int n, double condition) : solution_(n), a_(n, n) {
+    std::vector<Eigen::Triplet<double>> entries;
+    const auto add = [&](int i, int j, double k) {
+      entries.emplace_back(i, i, k);
+      entries.emplace_back(j, j, k);
+      entries.emplace_back(std::max(i, j), std::min(i, j), -k);
+    };
+    for (int i = 0; i < n; ++i) {
+      solution_[i] = std::cos(1.0 + i * i);
+      entries.emplace_back(i, i, 1.0);
+      if (i + 1 < n) add(i, i + 1, std::pow(condition / 4.0, i / (n - 1.0)));
+    }
+    a_.setFromTriplets(entries.begin(), entries.end());
+    gradient_scale_ =
+        Eigen::VectorXd(a_.selfadjointView<Eigen::Lower>() * solution_)
+            .cwiseAbs()
+            .mean();
+    largest_ = a_.diagonal().maxCoeff();
+  }
+  int NumParameters() const override {
+    return static_cast<int>(solution_.size());
+  }
+  const Eigen::VectorXd& solution() const { return solution_; }
+  bool EvaluateWithScales(const double* x,
+                          double* cost,
+                          double* gradient,
+                          Scales* scales) const override {
+    const int n = NumParameters();
+    const Eigen::VectorXd d =
+        Eigen::Map<const Eigen::VectorXd>(x, n) - solution_;
+    const Eigen::VectorXd g = a_.selfadjointView<Eigen::Lower>() * d;
+    *cost = 0.5 * d.dot(g);
+    if (gradient != nullptr) Eigen::Map<Eigen::VectorXd>(gradient, n) = g;
+    if (scales != nullptr) {
+      scales->gradient = gradient_scale_;
+      scales->length = gradient_scale_ / largest_;
+    }
+    return true;
+  }
+  bool EvaluateHessian(const double* /*x*/, SparseMatrix* h) const override {
+    *h = a_;
+    return true;
+  }
+  std::int64_t PatternVersion() const override { return 1; }
+  bool HessianTimes(const double* /*x*/,
+                    const double* v,
+                    double* hv) const override {
+    Eigen::Map<Eigen::VectorXd>(hv, NumParameters()) =
+        a_.selfadjointView<Eigen::Lower>() *
+        Eigen::Map<const Eigen::VectorXd>(v, NumParameters());
+    return true;
+  }
+
+ private:
+  Eigen::VectorXd solution_;
+  SparseMatrix a_;
+  double gradient_scale_, largest_;
+};
+
+// For functions of two variables, from EvaluateHessian() with all entries.
+class OfTwoVariables : public SecondOrderFunction {
  public:
   int NumParameters() const override { return 2; }
+  bool EvaluateHessian(const double* x, SparseMatrix* h) const override {
+    const Eigen::Matrix2d dense = Hessian(x);
+    h->resize(2, 2);
+    h->setZero();
+    h->insert(0, 0) = dense(0, 0);
+    h->insert(1, 0) = dense(1, 0);
+    h->insert(1, 1) = dense(1, 1);
+    h->makeCompressed();
+    return true;
+  }
+  std::int64_t PatternVersion() const override { return 1; }
+  bool HessianTimes(const double* x,
+                    const double* v,
+                    double* hv) const override {
+    Eigen::Map<Eigen::Vector2d>(hv, 2) =
+        Hessian(x) * Eigen::Map<const Eigen::Vector2d>(v, 2);
+    return true;
+  }
+
+ protected:
+  virtual Eigen::Matrix2d Hessian(const double* x) const = 0;
+};
+
+// 100 (x_2 - x_1^2)^2 + (1 - x_1)^2, minimum 0 at (1, 1). By default its terms
+// are about as large as the scales say one unit away from the minimum.
+// Source: Rosenbrock, Comput. J. 3 (1960) 175.
+class Rosenbrock : public OfTwoVariables {
+ public:
+  explicit Rosenbrock(double gradient_scale = 200.0, double length = 1.0)
+      : gradient_scale_(gradient_scale), length_(length) {}
 
   bool EvaluateWithScales(const double* x,
                           double* cost,
@@ -81,22 +176,47 @@ class Rosenbrock : public FirstOrderFunction {
       gradient[1] = 200.0 * a;
     }
     if (scales != nullptr) {
-      // Terms are about this large one unit away from the minimum.
-      scales->gradient = 200.0;
-      scales->length = 1.0;
+      scales->gradient = gradient_scale_;
+      scales->length = length_;
     }
     return true;
   }
+
+ protected:
+  Eigen::Matrix2d Hessian(const double* x) const override {
+    Eigen::Matrix2d h;
+    h << 1200.0 * x[0] * x[0] - 400.0 * x[1] + 2.0, -400.0 * x[0],
+        -400.0 * x[0], 200.0;
+    return h;
+  }
+
+ private:
+  const double gradient_scale_, length_;
+};
+
+// What is around another function, of which it hides all but the first
+// derivatives.
+class Wrapper : public FirstOrderFunction {
+ public:
+  explicit Wrapper(const FirstOrderFunction* f) : f_(f) {}
+  int NumParameters() const override { return f_->NumParameters(); }
+  bool EvaluateWithScales(const double* x,
+                          double* cost,
+                          double* gradient,
+                          Scales* scales) const override {
+    return f_->EvaluateWithScales(x, cost, gradient, scales);
+  }
+
+ protected:
+  const FirstOrderFunction* const f_;
 };
 
 // 2^a f(2^b x): f in other units. Exact, so a method without absolute constants
 // takes bitwise the same iterations.
-class InOtherUnits : public FirstOrderFunction {
+class InOtherUnits : public Wrapper {
  public:
   InOtherUnits(const FirstOrderFunction* f, int a, int b)
-      : f_(f), cost_(std::exp2(a)), length_(std::exp2(b)) {}
-
-  int NumParameters() const override { return f_->NumParameters(); }
+      : Wrapper(f), cost_(std::exp2(a)), length_(std::exp2(b)) {}
 
   bool EvaluateWithScales(const double* x,
                           double* cost,
@@ -118,18 +238,17 @@ class InOtherUnits : public FirstOrderFunction {
   }
 
  private:
-  const FirstOrderFunction* f_;
   const double cost_, length_;
 };
 
 // f(x - offset): variables far from zero, whose rounding limits the gradient
 // until the origin is moved.
-class Offset : public FirstOrderFunction {
+class Offset : public Wrapper {
  public:
   Offset(const FirstOrderFunction* f, double offset, bool can_rebase = false)
-      : f_(f), origin_(f->NumParameters(), -offset), can_rebase_(can_rebase) {}
-
-  int NumParameters() const override { return f_->NumParameters(); }
+      : Wrapper(f),
+        origin_(f->NumParameters(), -offset),
+        can_rebase_(can_rebase) {}
 
   bool EvaluateWithScales(const double* x,
                           double* cost,
@@ -150,17 +269,15 @@ class Offset : public FirstOrderFunction {
   }
 
  private:
-  const FirstOrderFunction* f_;
   std::vector<double> origin_;
   const bool can_rebase_;
 };
 
 // f + 1000: the minimum is not zero, so that near it a change of the cost is
 // lost in the roundoff of the cost.
-class Raised : public FirstOrderFunction {
+class Raised : public Wrapper {
  public:
-  explicit Raised(const FirstOrderFunction* f) : f_(f) {}
-  int NumParameters() const override { return f_->NumParameters(); }
+  using Wrapper::Wrapper;
   bool EvaluateWithScales(const double* x,
                           double* cost,
                           double* gradient,
@@ -169,12 +286,9 @@ class Raised : public FirstOrderFunction {
     *cost += 1000.0;
     return true;
   }
-
- private:
-  const FirstOrderFunction* f_;
 };
 
-// As an unjammed packing does: no term is active.
+// No term is active.
 class Nothing : public FirstOrderFunction {
  public:
   int NumParameters() const override { return 3; }
@@ -191,15 +305,13 @@ class Nothing : public FirstOrderFunction {
 
 // Counts the evaluations of f, remembers the least cost among them, and lets
 // `meddle` change what an evaluation (1, 2, ...) returns, or fail it.
-class Spy : public FirstOrderFunction {
+class Spy : public Wrapper {
  public:
   using Meddle =
       std::function<bool(int evaluation, double* cost, double* gradient)>;
 
   explicit Spy(const FirstOrderFunction* f, Meddle meddle = nullptr)
-      : f_(f), meddle_(std::move(meddle)) {}
-
-  int NumParameters() const override { return f_->NumParameters(); }
+      : Wrapper(f), meddle_(std::move(meddle)) {}
 
   bool EvaluateWithScales(const double* x,
                           double* cost,
@@ -216,7 +328,6 @@ class Spy : public FirstOrderFunction {
   double least_cost() const { return least_cost_; }
 
  private:
-  const FirstOrderFunction* f_;
   const Meddle meddle_;
   mutable int evaluations_ = 0;
   mutable double least_cost_ = std::numeric_limits<double>::infinity();

@@ -15,7 +15,9 @@
 #include <utility>
 #include <vector>
 
+#include "solvers/diagonal.h"
 #include "solvers/external_method.h"
+#include "solvers/lone_mpi.h"
 #include "solvers/one_thread.h"
 #include "solvers/registry.h"
 #include "solvers/second_order.h"
@@ -34,25 +36,6 @@ class TheirMemory {
 #endif
  public:
   TheirMemory() {}
-};
-
-// An environment variable for as long as it lives; one that is set already
-// stays as it is.
-class Environment {
- public:
-  Environment(const char* name, const char* value)
-      : name_(name), set_(std::getenv(name) == nullptr) {
-    if (set_) setenv(name, value, 0);
-  }
-  ~Environment() {
-    if (set_) unsetenv(name_);
-  }
-  Environment(const Environment&) = delete;
-  Environment& operator=(const Environment&) = delete;
-
- private:
-  const char* const name_;
-  const bool set_;
 };
 
 // A PETSc error handler that prints nothing; keeps the first words of an error
@@ -91,13 +74,7 @@ inline bool Initialize() {
     MPI_Initialized(&mpi);
     MPI_Finalized(&finalized);
     if (finalized) return false;
-    // For Open MPI: one process needs no daemon, no folder and no network, and
-    // our signals are not its business. Children do not inherit this.
-    const Environment isolated("OMPI_MCA_ess_singleton_isolated", "1");
-    const Environment folder("OMPI_MCA_orte_create_session_dirs", "0");
-    const Environment transport("OMPI_MCA_btl", "self");
-    const Environment messages("OMPI_MCA_pml", "ob1");
-    const Environment signals("OMPI_MCA_opal_signal", "");
+    const LoneMpi alone;
     // No ~/.petscrc, no handler of signals, no word about unused options.
     std::string words[] = {
         "granopt", "-skip_petscrc", "-no_signal_handler", "-options_left", "0"};
@@ -262,9 +239,7 @@ class TaoMethod : public ExternalMethod {
     SparseMatrix& lower = state->lower;
     bool has_diagonal = true;
     for (int i = 0; i < lower.cols(); ++i) {
-      const int first = lower.outerIndexPtr()[i];
-      has_diagonal = has_diagonal && first < lower.outerIndexPtr()[i + 1] &&
-                     lower.innerIndexPtr()[first] == i;
+      has_diagonal = has_diagonal && DiagonalPlace(lower, i) >= 0;
     }
     if (!has_diagonal) {
       SparseMatrix zeros(lower.rows(), lower.cols());
@@ -272,13 +247,12 @@ class TaoMethod : public ExternalMethod {
       zeros.coeffs() = 0.0;
       lower = SparseMatrix(lower + zeros);
     }
-    // The diagonal entry is the first of its column.
     double largest = 0.0;
     for (int i = 0; i < lower.cols(); ++i) {
-      largest = std::max(largest, lower.valuePtr()[lower.outerIndexPtr()[i]]);
+      largest = std::max(largest, lower.valuePtr()[DiagonalPlace(lower, i)]);
     }
     for (int i = 0; i < lower.cols(); ++i) {
-      lower.valuePtr()[lower.outerIndexPtr()[i]] += state->shift * largest;
+      lower.valuePtr()[DiagonalPlace(lower, i)] += state->shift * largest;
     }
     return true;
   }

@@ -24,9 +24,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
 #include <limits>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "cvode/cvode.h"
@@ -79,17 +81,12 @@ class Flow {
   Flow(const Flow&) = delete;
   Flow& operator=(const Flow&) = delete;
 
-  void Run(const double* x) {
-    const int n = monitor_->n();
-    std::copy(x, x + n, x_.begin());
+  void Run(const Solver& solver, const double* x) {
+    std::copy(x, x + monitor_->n(), x_.begin());
     double cost;
     const double* gradient;
     Scales scales;
-    if (!monitor_->EvaluateCached(x_.data(), &cost, &gradient, &scales)) {
-      monitor_->FailEvaluation();
-      return;
-    }
-    if (monitor_->Accept(x_.data(), cost, gradient, scales)) return;
+    if (!monitor_->BeginCached(solver, x, &cost, &gradient, &scales)) return;
     monitor_->Recenter(x_.data());
     length_unit_ = 1.0 / NormalizingPower(scales.length);
     force_unit_ = 1.0 / NormalizingPower(scales.gradient);
@@ -398,7 +395,7 @@ class GradientFlow : public Solver {
     Monitor monitor(function, options, name(), Monitor::Cache::LAST_EVALUATION);
     Parameters parameters = parameters_;
     Flow flow(&monitor, MakeLinearSolver(&parameters), rtol_, krylov_);
-    flow.Run(x);
+    flow.Run(*this, x);
     return monitor.Finish(x);
   }
 
