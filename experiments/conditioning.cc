@@ -34,6 +34,7 @@
 #include "experiments/scene.h"
 #include "granular/atomic_file.h"
 #include "granular/contact_changes.h"
+#include "granular/force_network.h"
 #include "solvers/condition.h"
 #include "solvers/preconditioner.h"
 

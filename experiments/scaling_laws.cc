@@ -9,8 +9,8 @@
 #include "experiments/statistics.h"
 #include "experiments/tabular.h"
 #include "granular/distributions.h"
-#include "granular/random.h"
 #include "solvers/format.h"
+#include "solvers/random.h"
 
 namespace granopt {
 namespace {

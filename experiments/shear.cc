@@ -23,7 +23,7 @@
 #include "experiments/shear_events.h"
 #include "experiments/shear_stress.h"
 #include "experiments/shear_walls.h"
-#include "granular/cell_energy.h"
+#include "granular/constant_stress.h"
 #include "granular/linear_response.h"
 #include "granular/packing_io.h"
 #include "granular/quasistatic_shear.h"

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include "Eigen/LU"
@@ -12,15 +11,6 @@
 namespace granopt {
 namespace {
 
-// As in contact_energy.cc.
-constexpr double kRecenterOverlaps = 10.0;
-constexpr double kMinSkin = 0.05;
-constexpr double kMaxSkin = 0.8;
-constexpr int kFewEvaluations = 20;
-constexpr int kManyEvaluations = 200;
-constexpr double kUsableSkin = 0.999;
-constexpr double kPatternMargin = 0.02;
-constexpr double kMaxCells = 1e6;
 // Entries of eps beyond this are no strain of a packing any more.
 constexpr double kMaxStrain = 4.0;
 
@@ -29,12 +19,6 @@ double VolumeStrain(const SmallMatrix& eps) {
   const double trace = eps.trace();
   const double second = 0.5 * (trace * trace - (eps * eps).trace());
   return eps.rows() == 2 ? trace + second : trace + second + eps.determinant();
-}
-
-SmallMatrix Unit(int d, int r, int c) {
-  SmallMatrix m = SmallMatrix::Zero(d, d);
-  m(r, c) = m(c, r) = 1.0;
-  return m;
 }
 
 }  // namespace
@@ -52,7 +36,11 @@ std::vector<SmallMatrix> VolumePreservingStrains(int d) {
     strains.push_back(m);
   }
   for (int r = 0; r < d; ++r) {
-    for (int c = r + 1; c < d; ++c) strains.push_back(Unit(d, r, c));
+    for (int c = r + 1; c < d; ++c) {
+      SmallMatrix m = SmallMatrix::Zero(d, d);
+      m(r, c) = m(c, r) = 1.0;
+      strains.push_back(m);
+    }
   }
   return strains;
 }
@@ -81,7 +69,7 @@ CellEnergy::CellEnergy(const Packing& packing, const CellEnergyOptions& options)
       max_radius_(packing.radii.maxCoeff()),
       strain_length_(mean_radius_ * std::sqrt(num_grains_)),
       volume_(packing.box.Volume()),
-      skin_(kMinSkin * min_radius_),
+      list_(min_radius_),
       x_list_(NumParameters(), 0.0),
       x_reference_(NumParameters(), 0.0),
       strain_reference_(SmallMatrix::Zero(dimension_, dimension_)) {}
@@ -134,13 +122,6 @@ SmallMatrix CellEnergy::Strain(const double* x) const {
 bool CellEnergy::BuildList(const double* x,
                            const Point& point,
                            std::string* error) const {
-  if (list_version_ > 0) {
-    if (evaluations_since_build_ < kFewEvaluations) {
-      skin_ = std::min(1.5 * skin_, kMaxSkin * min_radius_);
-    } else if (evaluations_since_build_ > kManyEvaluations) {
-      skin_ = std::max(skin_ / 1.5, kMinSkin * min_radius_);
-    }
-  }
   const Eigen::Map<const Eigen::MatrixXd> u(x, dimension_, num_grains_);
   const Eigen::MatrixXd positions = point.f * (packing_.positions + u);
   const Box box = packing_.box.Deformed(point.f);
@@ -148,42 +129,16 @@ bool CellEnergy::BuildList(const double* x,
     *error = "the cell has become singular";
     return false;
   }
-  NeighborList list;
-  if (!BuildNeighborList(box, positions, packing_.radii, skin_, &list, error)) {
-    skin_ = kMinSkin * min_radius_;
-    if (!BuildNeighborList(
-            box, positions, packing_.radii, skin_, &list, error)) {
-      return false;
-    }
-  }
-  list_ = std::move(list);
+  if (!list_.Renew(box, positions, packing_.radii, error)) return false;
   pairs_.assign(list_.num_pairs(), Pair());
-  const double k = options_.energy.stiffness;
   for (int p = 0; p < list_.num_pairs(); ++p) {
     Pair& pair = pairs_[p];
     pair.i = list_.i[p];
     pair.j = list_.j[p];
-    pair.stiffness = k;
-    if (packing_.stiffness.size() > 0) {
-      const double ki = packing_.stiffness[pair.i];
-      const double kj = packing_.stiffness[pair.j];
-      switch (options_.energy.rule) {
-        case StiffnessRule::SERIES:
-          pair.stiffness = k * (2.0 * ki * kj / (ki + kj));
-          break;
-        case StiffnessRule::GEOMETRIC:
-          pair.stiffness = k * std::sqrt(ki * kj);
-          break;
-        case StiffnessRule::MEAN:
-          pair.stiffness = k * (0.5 * (ki + kj));
-          break;
-      }
-    }
+    pair.stiffness = PairStiffness(packing_, options_.energy, pair.i, pair.j);
   }
   std::copy(x, x + NumParameters(), x_list_.begin());
   f_list_ = point.f;
-  ++list_version_;
-  evaluations_since_build_ = 0;
   SetReference();
   return true;
 }
@@ -237,7 +192,7 @@ bool CellEnergy::Prepare(const double* x, Point* point) const {
   if (!(point->strain.cwiseAbs().maxCoeff() <= kMaxStrain)) return false;
   point->f = SmallMatrix::Identity(dimension_, dimension_) + point->strain;
   if (!(point->f.determinant() > 0.0)) return false;
-  ++evaluations_since_build_;
+  list_.CountEvaluation();
   // A pair that was further apart than its range and the skin then is r, with
   // |F F_list^-1 - 1| = eta, now at least |r| (1 - eta) - 2 |F (u - u_list)|.
   double moved2 = 0.0;
@@ -256,8 +211,9 @@ bool CellEnergy::Prepare(const double* x, Point* point) const {
   const SmallMatrix change = point->f * f_list_.inverse() -
                              SmallMatrix::Identity(dimension_, dimension_);
   const double eta = change.norm();
-  if (eta > 0.5 || 2.0 * std::sqrt(moved2) + eta * (2.0 * max_radius_ + skin_) >
-                       kUsableSkin * skin_) {
+  if (eta > 0.5 ||
+      2.0 * std::sqrt(moved2) + eta * (2.0 * max_radius_ + list_.skin()) >
+          list_.usable_skin()) {
     std::string error;
     if (!BuildList(x, *point, &error)) return false;
   }
@@ -401,7 +357,7 @@ void CellEnergy::UpdatePattern(const double* x, const Point& point) const {
   const int d = dimension_;
   std::vector<char> wanted(pairs_.size(), 0);
   const double margin = kPatternMargin * min_radius_;
-  bool is_current = pattern_list_version_ == list_version_;
+  bool is_current = pattern_list_version_ == list_.version();
   last_move_ = 0.0;
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
     PairState state;
@@ -412,7 +368,7 @@ void CellEnergy::UpdatePattern(const double* x, const Point& point) const {
     }
   }
   if (is_current) return;
-  pattern_list_version_ = list_version_;
+  pattern_list_version_ = list_.version();
   ++pattern_version_;
   blocks_.assign(num_grains_, 0);
   std::vector<std::vector<int>> neighbours(num_grains_);
@@ -618,67 +574,6 @@ Packing CellEnergy::Configuration(const double* x) const {
   }
   result.box = packing_.box.Deformed(SmallMatrix::Identity(d, d) + eps);
   return result;
-}
-
-bool RelaxAtStress(const Packing& start,
-                   const ConstantStressOptions& options,
-                   const Solver& solver,
-                   ConstantStressResult* result,
-                   std::string* error) {
-  const int d = start.dimension();
-  CellEnergyOptions cell;
-  cell.energy = options.energy;
-  cell.pressure = options.pressure;
-  cell.load = options.load;
-  cell.strains = options.strains.empty() ? AllStrains(d) : options.strains;
-  *result = ConstantStressResult();
-  result->deformation = SmallMatrix::Identity(d, d);
-  const bool is_dead = options.load.size() > 0 && !options.load.isZero(0.0);
-  Packing packing = start;
-  bool settled = false, succeeded = true;
-  Summary over_cell;
-  while (!settled && result->rounds < options.most_rounds) {
-    const std::unique_ptr<CellEnergy> function =
-        CellEnergy::Create(packing, cell, error);
-    if (function == nullptr) return false;
-    std::vector<double> x(function->NumParameters(), 0.0);
-    const Summary summary =
-        solver.Minimize(function.get(), options.solve, x.data());
-    ++result->rounds;
-    result->counters += summary.counters;
-    result->seconds += summary.seconds;
-    succeeded = summary.Succeeded();
-    const SmallMatrix eps = function->Strain(x.data());
-    packing = function->Configuration(x.data());
-    packing.Wrap();
-    result->deformation =
-        (SmallMatrix::Identity(d, d) + eps) * result->deformation;
-    over_cell = summary;
-    settled = !is_dead || eps.cwiseAbs().maxCoeff() <= options.strain_tolerance;
-    if (!succeeded) break;
-  }
-  result->converged = settled && succeeded;
-  // The cell is rounded, which a packing next to jamming feels.
-  if (!Relax(packing,
-             options.energy,
-             solver,
-             options.solve,
-             &result->relaxation,
-             error)) {
-    return false;
-  }
-  result->counters += result->relaxation.summary.counters;
-  result->seconds += result->relaxation.summary.seconds;
-  // What went wrong, not that the grains relaxed in the cell where it did.
-  if (!succeeded) {
-    result->relaxation.summary = over_cell;
-  } else if (!settled) {
-    result->relaxation.summary.message = Format(
-        "the cell has not settled after %d minimizations", result->rounds);
-  }
-  result->converged =
-      result->converged && result->relaxation.summary.Succeeded();
-  return true;
 }
 
 }  // namespace granopt

@@ -11,9 +11,7 @@
 #include "granular/contact_energy.h"
 #include "granular/neighbor_list.h"
 #include "granular/packing.h"
-#include "granular/relaxation.h"
 #include "solvers/second_order.h"
-#include "solvers/solver.h"
 
 namespace granopt {
 
@@ -40,7 +38,7 @@ struct CellEnergyOptions {
 // strains q from the packing given. Where it is stationary at q = 0 the forces
 // balance and the stress (10) is p 1 + s in the strains that are free; a
 // hydrostatic load is exact for any q, s is a dead load, which is the stress
-// for eps -> 0 only (see RelaxAtStress).
+// for eps -> 0 only (see constant_stress.h).
 //
 // The length l = r N^(1/2) with the mean radius r makes the stiffness of the
 // cell, V B / l^2, that of a contact. Gaps are evaluated by differences from a
@@ -128,50 +126,15 @@ class CellEnergy : public SecondOrderFunction {
   // For its law.
   std::unique_ptr<ContactEnergy> law_;
 
-  mutable NeighborList list_;
+  mutable AdaptiveNeighborList list_;
   mutable std::vector<Pair> pairs_;
-  mutable double skin_;
   mutable std::vector<double> x_list_, x_reference_;
   mutable SmallMatrix f_list_, strain_reference_;
-  mutable std::int64_t list_version_ = 0;
-  mutable std::int64_t evaluations_since_build_ = 0;
   mutable std::int64_t pattern_version_ = 0;
   mutable std::int64_t pattern_list_version_ = -1;
   mutable std::vector<int> column_start_, rows_, blocks_;
   mutable double last_overlap_ = 0.0, last_move_ = 0.0;
 };
-
-struct ConstantStressOptions {
-  ContactEnergyOptions energy;
-  // For each minimization.
-  SolveOptions solve;
-  double pressure = 0.0;
-  SmallMatrix load;                  // s; empty: none
-  std::vector<SmallMatrix> strains;  // empty: all symmetric ones
-  // With a load s, minimizations are repeated from the cell that the last one
-  // ended in until no strain exceeds this.
-  double strain_tolerance = 1e-12;
-  int most_rounds = 50;
-};
-
-struct ConstantStressResult {
-  // At the end, relaxed once more in the cell as it is rounded. Its summary is
-  // that of the minimization over the cell if that one gave up.
-  Relaxation relaxation;
-  SmallMatrix deformation;  // F from the start to the end
-  int rounds = 0;
-  bool converged = false;  // every minimization, and the strain
-  Counters counters;
-  double seconds = 0.0;
-};
-
-// The state at a given stress: minimizes the enthalpy over positions and cell.
-// Returns false with one line in `error` if the packing cannot be simulated.
-bool RelaxAtStress(const Packing& start,
-                   const ConstantStressOptions& options,
-                   const Solver& solver,
-                   ConstantStressResult* result,
-                   std::string* error);
 
 }  // namespace granopt
 

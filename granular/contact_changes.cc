@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
+#include <utility>
 
 #include "granular/neighbor_list.h"
 #include "solvers/sparse_cholesky.h"
@@ -12,10 +14,6 @@ namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-// As in stability.cc.
-constexpr double kLoadedResiduals = 1e3;
-constexpr double kLoadedForce = 1e-8;
 
 // Shifts of the Hessian, in kappa.
 constexpr double kFirstShift = 1e-10;
@@ -86,21 +84,6 @@ bool SolveAmong(const ContactEnergy& energy,
 
 }  // namespace
 
-std::vector<bool> CountingGrains(const Observables& observables,
-                                 const std::vector<Contact>& contacts) {
-  std::vector<bool> counts(observables.grains);
-  for (int i = 0; i < observables.grains; ++i) {
-    counts[i] = !observables.is_rattler[i];
-  }
-  const double loaded =
-      observables.mean_force *
-      std::max(kLoadedForce, kLoadedResiduals * observables.relative_residual);
-  for (const Contact& c : contacts) {
-    if (c.force > loaded) counts[c.id.i] = counts[c.id.j] = true;
-  }
-  return counts;
-}
-
 bool EvaluateAmong(const ContactEnergy& energy,
                    const double* u,
                    const std::vector<bool>& counts,
@@ -150,7 +133,7 @@ ContactPairs PairsInTouch(const std::vector<Contact>& contacts,
   ContactPairs pairs;
   for (const Contact& c : contacts) {
     if (counts[c.id.i] && counts[c.id.j]) {
-      pairs.push_back(std::minmax(c.id.i, c.id.j));
+      pairs.push_back({std::min(c.id.i, c.id.j), std::max(c.id.i, c.id.j)});
     }
   }
   std::sort(pairs.begin(), pairs.end());

@@ -3,24 +3,19 @@
 #ifndef GRANOPT_GRANULAR_CONTACT_CHANGES_H_
 #define GRANOPT_GRANULAR_CONTACT_CHANGES_H_
 
+#include <array>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "Eigen/Core"
 #include "granular/contact_energy.h"
-#include "granular/observables.h"
 #include "granular/packing.h"
 
 namespace granopt {
 
-// The grains that count, as for Certify(): the rigid part, and what carries a
-// force without being part of it.
-std::vector<bool> CountingGrains(const Observables& observables,
-                                 const std::vector<Contact>& contacts);
-
 // Gradient and Hessian at u of the energy E' of contacts between two grains
-// that count. Returns false where the function is not defined.
+// that count (CountingGrains()). Returns false where the function is not
+// defined.
 bool EvaluateAmong(const ContactEnergy& energy,
                    const double* u,
                    const std::vector<bool>& counts,
@@ -32,7 +27,7 @@ bool EvaluateAmong(const ContactEnergy& energy,
 Eigen::MatrixXd BlindMotions(int dimension, const std::vector<bool>& counts);
 
 // Pairs i <= j of grains that touch, one entry for each image, sorted.
-using ContactPairs = std::vector<std::pair<int, int>>;
+using ContactPairs = std::vector<std::array<int, 2>>;
 ContactPairs PairsInTouch(const std::vector<Contact>& contacts,
                           const std::vector<bool>& counts);
 

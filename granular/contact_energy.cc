@@ -3,10 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 #include "granular/network_preconditioner.h"
-#include "granular/pair_blocks.h"
 #include "solvers/format.h"
 #include "solvers/power_of_two.h"
 #include "solvers/threads.h"
@@ -22,36 +20,13 @@ constexpr double kSmallestUnit = 1e-280;
 [[maybe_unused]] const bool registered =
     (RegisterNetworkPreconditioners(), true);
 
-// Recentre when a grain has moved by more than this many mean overlaps from the
-// reference. Near jamming the error of a gap is then still below 1e-14 mean
-// overlaps; where overlaps are comparable with radii it reaches 2e-13.
-constexpr double kRecenterOverlaps = 10.0;
-
-// In single precision this leaves an error of some eps32 mean overlaps.
+// In place of kRecenterOverlaps, which leaves an error of some eps32 mean
+// overlaps.
 constexpr double kRecenterOverlapsSingle = 4.0;
 
 constexpr double kEpsilonSingle = std::numeric_limits<float>::epsilon();
 // Mixed precision ends where the gradient is so many of its mean contact force.
 constexpr double kRefineBelow = 30.0 * kEpsilonSingle;
-
-// The skin lies between these multiples of the smallest radius and is adapted
-// by counts: a list should serve between the two numbers of evaluations.
-constexpr double kMinSkin = 0.05;
-constexpr double kMaxSkin = 0.8;
-constexpr int kFewEvaluations = 20;
-constexpr int kManyEvaluations = 200;
-
-// A grain may use this part of half the skin before the list is made again; the
-// rest is for the rounding of positions.
-constexpr double kUsableSkin = 0.999;
-
-// The Hessian's pattern holds pairs nearer than this part of the smallest
-// radius: a wider margin serves longer, but its factor has more entries (0.1
-// doubles the time of a factorization).
-constexpr double kPatternMargin = 0.02;
-
-// Displacements of more cell heights than this are refused.
-constexpr double kMaxCells = 1e6;
 
 }  // namespace
 
@@ -67,6 +42,24 @@ const char* PrecisionName(Precision precision) {
   return "unknown";
 }
 
+double PairStiffness(const Packing& packing,
+                     const ContactEnergyOptions& options,
+                     int i,
+                     int j) {
+  if (packing.stiffness.size() == 0) return options.stiffness;
+  const double ki = packing.stiffness[i];
+  const double kj = packing.stiffness[j];
+  switch (options.rule) {
+    case StiffnessRule::SERIES:
+      return options.stiffness * (2.0 * ki * kj / (ki + kj));
+    case StiffnessRule::GEOMETRIC:
+      return options.stiffness * std::sqrt(ki * kj);
+    case StiffnessRule::MEAN:
+      break;
+  }
+  return options.stiffness * (0.5 * (ki + kj));
+}
+
 ContactEnergy::ContactEnergy(const Packing& packing,
                              const ContactEnergyOptions& options)
     : options_(options),
@@ -78,8 +71,8 @@ ContactEnergy::ContactEnergy(const Packing& packing,
       loops_(FastestPairLoops(packing.dimension(), options.alpha)),
       u_reference_(NumParameters(), 0.0),
       workspace_(NumParameters(), 0.0),
+      list_(min_radius_),
       u_list_(NumParameters(), 0.0),
-      skin_(kMinSkin * min_radius_),
       is_single_(options.precision != Precision::DOUBLE),
       single_unit_(PowerOfTwo(mean_radius_)) {}
 
@@ -101,7 +94,7 @@ std::unique_ptr<ContactEnergy> ContactEnergy::Create(
     *error = "a mask of fixed grains of another length";
     return nullptr;
   }
-  if (packing.size() > std::numeric_limits<int>::max() / 64) {
+  if (packing.size() > kMostGrains) {
     *error = std::to_string(packing.size()) + " grains are too many";
     return nullptr;
   }
@@ -129,55 +122,24 @@ std::unique_ptr<ContactEnergy> ContactEnergy::Create(
   return energy;
 }
 
-double ContactEnergy::PairStiffness(int i, int j) const {
-  const double ki = packing_.stiffness[i];
-  const double kj = packing_.stiffness[j];
-  switch (options_.rule) {
-    case StiffnessRule::SERIES:
-      return options_.stiffness * (2.0 * ki * kj / (ki + kj));
-    case StiffnessRule::GEOMETRIC:
-      return options_.stiffness * std::sqrt(ki * kj);
-    case StiffnessRule::MEAN:
-      break;
-  }
-  return options_.stiffness * (0.5 * (ki + kj));
-}
-
 bool ContactEnergy::BuildList(const double* u, std::string* error) const {
   const Eigen::Map<const Eigen::MatrixXd> displacement(
       u, dimension_, num_grains_);
-  if (list_version_ > 0) {
-    if (evaluations_since_build_ < kFewEvaluations) {
-      skin_ = std::min(1.5 * skin_, kMaxSkin * min_radius_);
-    } else if (evaluations_since_build_ > kManyEvaluations) {
-      skin_ = std::max(skin_ / 1.5, kMinSkin * min_radius_);
-    }
-  }
   const Eigen::MatrixXd positions = packing_.positions + displacement;
-  const auto build = [&]() {
-    return BuildNeighborList(
-        packing_.box, positions, packing_.radii, skin_, &list_, error);
-  };
   // A search takes as much memory as the arrays of the old list, which are
   // needed again only if it is refused.
   pairs_.reference = {};
   pairs_.single = {};
   parts_.clear();
-  bool found = build();
-  if (!found && skin_ > kMinSkin * min_radius_) {
-    // A cell that is too short for a wide skin may do for the narrowest.
-    skin_ = kMinSkin * min_radius_;
-    found = build();
-  }
+  const bool found =
+      list_.Renew(packing_.box, positions, packing_.radii, error);
   if (found) {
     RemoveFixedPairs();
     std::copy(u, u + NumParameters(), u_list_.begin());
     UpdateReferenceFromList();
-    ++list_version_;
-    evaluations_since_build_ = 0;
   }
   // Where the search was refused the list before it stays in use.
-  if (list_version_ > 0) SetPairs();
+  if (list_.version() > 0) SetPairs();
   return found;
 }
 
@@ -201,23 +163,6 @@ void ContactEnergy::RemoveFixedPairs() const {
   list_.image.resize(kept);
 }
 
-void ContactEnergy::FixHessian(const double* first,
-                               SparseMatrix* hessian) const {
-  if (options_.fixed.empty()) return;
-  double most = 0.0;
-  for (int p = 0; p < list_.num_pairs(); ++p) most = std::max(most, first[p]);
-  if (!(most > 0.0)) most = 1.0;
-  const int d = dimension_;
-  for (int column = 0; column < NumParameters(); ++column) {
-    const bool is_fixed = options_.fixed[column / d];
-    for (int e = column_start_[column]; e < column_start_[column + 1]; ++e) {
-      if (is_fixed || options_.fixed[rows_[e] / d]) {
-        hessian->valuePtr()[e] = rows_[e] == column ? most : 0.0;
-      }
-    }
-  }
-}
-
 void ContactEnergy::SetPairs() const {
   const auto set = [this](const std::vector<int>& grains,
                           std::vector<int>* at) {
@@ -235,12 +180,9 @@ void ContactEnergy::SetPairs() const {
   pairs_.stiffness.clear();
   if (packing_.stiffness.size() > 0 || options_.stiffness != 1.0) {
     pairs_.stiffness.assign(list_.num_pairs() + kPairPadding, 1.0);
-    for (int i = 0; i < num_grains_; ++i) {
-      for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
-        pairs_.stiffness[p] = packing_.stiffness.size() > 0
-                                  ? PairStiffness(i, list_.j[p])
-                                  : options_.stiffness;
-      }
+    for (int p = 0; p < list_.num_pairs(); ++p) {
+      pairs_.stiffness[p] =
+          PairStiffness(packing_, options_, list_.i[p], list_.j[p]);
     }
   }
   RenewReferencePairs();
@@ -382,9 +324,9 @@ Displacement ContactEnergy::Displace(const double* u,
 void ContactEnergy::SetParts() const {
   const int pieces = NumPieces();
   const int count = std::min(NumThreads(), pieces);
-  if (parts_list_version_ != list_version_ ||
+  if (parts_list_version_ != list_.version() ||
       static_cast<int>(parts_.size()) != count) {
-    parts_list_version_ = list_version_;
+    parts_list_version_ = list_.version();
     parts_.assign(count, Part());
     // As many pairs each as pieces allow, and at least one piece.
     const auto row = [&](int piece) {
@@ -528,7 +470,7 @@ bool ContactEnergy::HasLeftSkin(const double* u, double usable) const {
 bool ContactEnergy::Prepare(const double* u) const {
   const int d = dimension_;
   const int n = NumParameters();
-  const double usable = 0.5 * kUsableSkin * skin_;
+  const double usable = 0.5 * list_.usable_skin();
   // No grain has moved by more than sqrt(d) times its largest coordinate, and
   // none is farther from the list than from the reference and that from the
   // list: as long as this is enough, u_list_ stays in memory.
@@ -559,7 +501,7 @@ bool ContactEnergy::Prepare(const double* u) const {
     std::string error;
     if (!BuildList(u, &error)) return false;
   }
-  ++evaluations_since_build_;
+  list_.CountEvaluation();
   return true;
 }
 
@@ -569,19 +511,15 @@ bool ContactEnergy::EvaluateWithScales(const double* u,
                                        Scales* scales) const {
   if (!Prepare(u)) return false;
   const ContactSums sums = Sweep(gradient);
-  for (int i = 0;
-       gradient != nullptr && !options_.fixed.empty() && i < num_grains_;
-       ++i) {
-    if (options_.fixed[i]) {
-      std::fill_n(gradient + dimension_ * i, dimension_, 0.0);
+  if (gradient != nullptr && !options_.fixed.empty()) {
+    for (int i = 0; i < num_grains_; ++i) {
+      if (IsFixed(i)) std::fill_n(gradient + dimension_ * i, dimension_, 0.0);
     }
   }
   *energy = sums.energy;
-  if (sums.contacts > 0) {
-    last_overlap_ = sums.overlap / static_cast<double>(sums.contacts);
-  } else {
-    last_overlap_ = 0.0;
-  }
+  last_overlap_ = sums.contacts > 0
+                      ? sums.overlap / static_cast<double>(sums.contacts)
+                      : 0.0;
   if (scales != nullptr) {
     *scales = Scales();
     if (is_single_) scales->epsilon = kEpsilonSingle;
@@ -648,208 +586,6 @@ bool ContactEnergy::UseDouble() {
   return was_single;
 }
 
-bool ContactEnergy::HessianTimes(const double* u,
-                                 const double* v,
-                                 double* hv) const {
-  if (!Prepare(u)) return false;
-  UpdateStates();
-  if (options_.fixed.empty()) {
-    PairHessianTimes(dimension_, View(), states_, v, hv);
-    return true;
-  }
-  std::vector<double> moved(v, v + NumParameters());
-  double most = 0.0;
-  for (int p = 0; p < list_.num_pairs(); ++p) {
-    most = std::max(most, states_.stiffness[p]);
-  }
-  if (!(most > 0.0)) most = 1.0;
-  for (int w = 0; w < NumParameters(); ++w) {
-    if (options_.fixed[w / dimension_]) moved[w] = 0.0;
-  }
-  PairHessianTimes(dimension_, View(), states_, moved.data(), hv);
-  for (int w = 0; w < NumParameters(); ++w) {
-    if (options_.fixed[w / dimension_]) hv[w] = most * v[w];
-  }
-  return true;
-}
-
-void ContactEnergy::UpdateStates() const {
-  const std::size_t m = list_.num_pairs() + kPairPadding;
-  states_memory_.resize((4 + dimension_) * m);
-  double* next = states_memory_.data();
-  const auto array = [&next, m]() {
-    next += m;
-    return next - m;
-  };
-  states_.delta = array();
-  states_.distance = array();
-  for (int k = 0; k < dimension_; ++k) states_.normal[k] = array();
-  states_.force = array();
-  states_.stiffness = array();
-  loops_.states(View(), options_.alpha, workspace_.data(), states_);
-}
-
-void ContactEnergy::UpdatePattern(const double* first) const {
-  const int d = dimension_;
-  if (pattern_list_version_ == list_version_) {
-    int outside = 0;  // counted rather than sought: no branches
-    for (int p = 0; p < list_.num_pairs(); ++p) {
-      outside += static_cast<int>(block_rank_[p] < 0) &
-                 static_cast<int>(first[p] != 0.0);
-    }
-    if (outside == 0) return;
-  }
-  pattern_list_version_ = list_version_;
-  ++pattern_version_;
-  // The columns of grain i hold the lower part of its own block, then one block
-  // for each j > i (several images of j share it); the number of entries is
-  // known, so the pattern is written in place.
-  block_rank_.assign(list_.num_pairs(), -1);
-  has_shared_blocks_ = false;
-  column_start_.assign(NumParameters() + 1, 0);
-  const double margin = kPatternMargin * min_radius_;
-  for (int i = 0; i < num_grains_; ++i) {
-    int blocks = 0;
-    int previous = i;
-    for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
-      if (list_.j[p] == i) {
-        block_rank_[p] = 0;  // never needed: an image moves with its grain
-        continue;
-      }
-      if (!(states_.delta[p] > -margin) && first[p] == 0.0) continue;
-      if (list_.j[p] != previous) {
-        ++blocks;
-      } else {
-        has_shared_blocks_ = true;
-      }
-      previous = list_.j[p];
-      block_rank_[p] = blocks - 1;
-    }
-    for (int c = 0; c < d; ++c) {
-      column_start_[d * i + c + 1] =
-          column_start_[d * i + c] + (d - c) + d * blocks;
-    }
-  }
-  rows_.resize(column_start_[NumParameters()]);
-  for (int i = 0; i < num_grains_; ++i) {
-    for (int c = 0; c < d; ++c) {
-      int* row = rows_.data() + column_start_[d * i + c];
-      for (int r = c; r < d; ++r) *row++ = d * i + r;
-      int previous = -1;
-      for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
-        if (block_rank_[p] == previous || block_rank_[p] < 0 ||
-            list_.j[p] == i) {
-          continue;
-        }
-        previous = block_rank_[p];
-        for (int r = 0; r < d; ++r) *row++ = d * list_.j[p] + r;
-      }
-    }
-  }
-}
-
-void ContactEnergy::WriteBlocks(const double* first,
-                                const double* second,
-                                double theta,
-                                SparseMatrix* hessian) const {
-  UpdatePattern(first);
-  const int n = NumParameters();
-  // A matrix that has this pattern already, as the one before it often has, is
-  // compared: to read is less than to write.
-  if (!(hessian->rows() == n && hessian->cols() == n &&
-        hessian->isCompressed() && hessian->nonZeros() == column_start_[n] &&
-        std::equal(column_start_.begin(),
-                   column_start_.end(),
-                   hessian->outerIndexPtr()) &&
-        std::equal(rows_.begin(), rows_.end(), hessian->innerIndexPtr()))) {
-    hessian->resize(n, n);
-    hessian->resizeNonZeros(column_start_[n]);
-    std::copy(
-        column_start_.begin(), column_start_.end(), hessian->outerIndexPtr());
-    std::copy(rows_.begin(), rows_.end(), hessian->innerIndexPtr());
-  }
-  loops_.blocks(View(),
-                states_,
-                first,
-                second,
-                theta,
-                {block_rank_.data(), column_start_.data(), has_shared_blocks_},
-                hessian->valuePtr());
-  FixHessian(first, hessian);
-}
-
-bool ContactEnergy::EvaluateStiffness(const double* u,
-                                      double theta,
-                                      SparseMatrix* hessian) const {
-  if (!Prepare(u)) return false;
-  UpdateStates();
-  WriteBlocks(states_.stiffness, states_.force, theta, hessian);
-  return true;
-}
-
-bool ContactEnergy::EvaluateWeightedHessian(const double* u,
-                                            const double* first,
-                                            const double* second,
-                                            SparseMatrix* hessian) const {
-  const std::int64_t version = list_version_;
-  if (!Prepare(u) || version != list_version_) return false;
-  UpdateStates();
-  WriteBlocks(first, second, 1.0, hessian);
-  return true;
-}
-
-void ContactEnergy::EvaluateLaw(int n,
-                                const double* overlap,
-                                double* force,
-                                double* stiffness) const {
-  loops_.law(options_.alpha, n, overlap, force, stiffness);
-}
-
-bool ContactEnergy::EvaluateGaps(const double* u, Gaps* gaps) const {
-  if (!Prepare(u)) return false;
-  UpdateStates();
-  const int d = dimension_;
-  const int m = list_.num_pairs();
-  gaps->ids.resize(m);
-  gaps->delta.resize(m);
-  gaps->stiffness.resize(m);
-  gaps->curvature.resize(m);
-  gaps->margin = kPatternMargin * min_radius_;
-  auto& jacobian = gaps->jacobian;
-  jacobian.resize(m, NumParameters());
-  jacobian.resizeNonZeros(static_cast<Eigen::Index>(m) * 2 * d);
-  int* row_end = jacobian.outerIndexPtr();
-  int* column = jacobian.innerIndexPtr();
-  double* value = jacobian.valuePtr();
-  *row_end = 0;
-  for (int i = 0; i < num_grains_; ++i) {
-    for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
-      const int j = list_.j[p];
-      gaps->ids[p] = {i, j, list_.image[p]};
-      gaps->delta[p] = states_.delta[p];
-      gaps->stiffness[p] = pairs_.stiffness.empty() ? 1.0 : pairs_.stiffness[p];
-      // n (x) n is removed from the unit matrix, and 1 / l is left. Centres
-      // that coincide have no direction.
-      gaps->curvature[p] =
-          i != j && states_.distance[p] > 0.0 ? 1.0 / states_.distance[p] : 0.0;
-      *(row_end + 1) = *row_end;
-      ++row_end;
-      if (i == j) continue;  // an image moves with its grain
-      for (const auto& [grain, sign] :
-           {std::make_pair(i, -1.0), std::make_pair(j, 1.0)}) {
-        if (IsFixed(grain)) continue;
-        *row_end += d;
-        for (int k = 0; k < d; ++k) {
-          *column++ = d * grain + k;
-          *value++ = sign * states_.normal[k][p];
-        }
-      }
-    }
-  }
-  jacobian.resizeNonZeros(*row_end);
-  return true;
-}
-
 Packing ContactEnergy::Configuration(const double* u) const {
   Packing result = packing_;
   for (int i = 0; i < num_grains_; ++i) {
@@ -858,32 +594,6 @@ Packing ContactEnergy::Configuration(const double* u) const {
     }
   }
   return result;
-}
-
-std::vector<Contact> ContactEnergy::Contacts(const double* u) const {
-  std::vector<Contact> contacts;
-  if (!Prepare(u)) return contacts;
-  UpdateStates();
-  contacts.reserve(std::count_if(states_.delta,
-                                 states_.delta + list_.num_pairs(),
-                                 [](double delta) { return delta > 0.0; }));
-  for (int i = 0; i < num_grains_; ++i) {
-    for (int p = list_.row_start[i]; p < list_.row_start[i + 1]; ++p) {
-      if (!(states_.delta[p] > 0.0)) continue;
-      Contact contact;
-      contact.id = {i, list_.j[p], list_.image[p]};
-      contact.overlap = states_.delta[p];
-      contact.distance = states_.distance[p];
-      contact.normal.resize(dimension_);
-      for (int k = 0; k < dimension_; ++k) {
-        contact.normal[k] = states_.normal[k][p];
-      }
-      contact.force = states_.force[p];
-      contact.stiffness = states_.stiffness[p];
-      contacts.push_back(contact);
-    }
-  }
-  return contacts;
 }
 
 }  // namespace granopt

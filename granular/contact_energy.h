@@ -51,6 +51,25 @@ struct ContactEnergyOptions {
   std::vector<bool> fixed;
 };
 
+// k_ij of two grains of a packing.
+double PairStiffness(const Packing& packing,
+                     const ContactEnergyOptions& options,
+                     int i,
+                     int j);
+
+// A reference is moved when a grain has moved by more than this many mean
+// overlaps from it. Near jamming the error of a gap is then still below 1e-14
+// mean overlaps; where overlaps are comparable with radii it reaches 2e-13.
+constexpr double kRecenterOverlaps = 10.0;
+
+// The Hessian's pattern holds pairs nearer than this part of the smallest
+// radius: a wider margin serves longer, but its factor has more entries (0.1
+// doubles the time of a factorization).
+constexpr double kPatternMargin = 0.02;
+
+// Displacements of more cell lengths than this are refused.
+constexpr double kMaxCells = 1e6;
+
 // A pair of grains that touch.
 struct Contact {
   GapId id;
@@ -134,8 +153,8 @@ class ContactEnergy : public UnilateralFunction {
 
   const ContactEnergyOptions& options() const { return options_; }
   // Rebuilds of the neighbour list so far, and its skin now.
-  std::int64_t num_list_builds() const { return list_version_; }
-  double skin() const { return skin_; }
+  std::int64_t num_list_builds() const { return list_.version(); }
+  double skin() const { return list_.skin(); }
   int num_near_pairs() const { return list_.num_pairs(); }
 
  private:
@@ -171,7 +190,8 @@ class ContactEnergy : public UnilateralFunction {
   // Without pairs of grains that are both fixed.
   void RemoveFixedPairs() const;
   // Rows and columns of fixed grains are those of a multiple of the unit
-  // matrix.
+  // matrix, the largest of the stiffnesses `first` or 1.
+  double StiffnessOfFixed(const double* first) const;
   void FixHessian(const double* first, SparseMatrix* hessian) const;
   bool IsFixed(int i) const {
     return !options_.fixed.empty() && options_.fixed[i];
@@ -196,7 +216,6 @@ class ContactEnergy : public UnilateralFunction {
   // Of all pairs.
   PairView View() const;
   PairView View(const PairArrays& pairs, int first, int end) const;
-  double PairStiffness(int i, int j) const;
 
   const ContactEnergyOptions options_;
   const int dimension_;
@@ -209,11 +228,8 @@ class ContactEnergy : public UnilateralFunction {
   std::vector<double> u_reference_;
   // Workspaces: one object must not be evaluated from two threads at once.
   mutable std::vector<double> workspace_;
-  mutable NeighborList list_;
+  mutable AdaptiveNeighborList list_;
   mutable std::vector<double> u_list_;  // where the list was built
-  mutable double skin_ = 0.0;
-  mutable std::int64_t list_version_ = 0;
-  mutable std::int64_t evaluations_since_build_ = 0;
   mutable bool has_self_pairs_ = false;
   mutable PairArrays pairs_;  // of the list
   bool is_single_;            // is the sweep?

@@ -1,8 +1,8 @@
 // granopt: the energy of one contact.
 //
-//   e(delta) = k delta^alpha / alpha    for an overlap delta > 0, else 0   (4),
-//   (6) f(delta) = k delta^(alpha-1) (8) f'(delta) = (alpha-1) k
-//   delta^(alpha-2)                                (9)
+//   e(delta) = k delta^alpha / alpha for an overlap delta > 0, else 0  (4), (6)
+//   f(delta) = k delta^(alpha-1)                                       (8)
+//   f'(delta) = (alpha-1) k delta^(alpha-2)                            (9)
 //
 // A law is a struct with the three functions at k = 1; every kernel is compiled
 // for every law in ContactLaws below. To add a law, write its struct and name

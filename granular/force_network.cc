@@ -23,23 +23,28 @@ LinkBlock BlockOf(const Link& link) {
   return {link.stiffness + tension, -tension};
 }
 
-ForceNetwork MakeForceNetwork(int dimension,
-                              double alpha,
-                              const Observables& observables,
-                              const std::vector<Contact>& contacts) {
-  ForceNetwork network;
-  network.dimension = dimension;
-  const int num_grains = observables.grains;
-  std::vector<bool> counts(num_grains);
-  for (int i = 0; i < num_grains; ++i) counts[i] = !observables.is_rattler[i];
+std::vector<bool> CountingGrains(const Observables& observables,
+                                 const std::vector<Contact>& contacts) {
+  std::vector<bool> counts = observables.is_rattler;
+  counts.flip();
   const double loaded =
       observables.mean_force *
       std::max(kLoadedForce, kLoadedResiduals * observables.relative_residual);
   for (const Contact& c : contacts) {
     if (c.force > loaded) counts[c.id.i] = counts[c.id.j] = true;
   }
-  network.place.assign(num_grains, -1);
-  for (int i = 0; i < num_grains; ++i) {
+  return counts;
+}
+
+ForceNetwork MakeForceNetwork(int dimension,
+                              double alpha,
+                              const Observables& observables,
+                              const std::vector<Contact>& contacts) {
+  ForceNetwork network;
+  network.dimension = dimension;
+  const std::vector<bool> counts = CountingGrains(observables, contacts);
+  network.place.assign(observables.grains, -1);
+  for (int i = 0; i < observables.grains; ++i) {
     if (!counts[i]) continue;
     network.place[i] = network.size();
     network.grains.push_back(i);

@@ -31,11 +31,16 @@ struct LinkBlock {
 // Of a contact a = stiffness + f / l and b = -f / l (9), of a gap zero.
 LinkBlock BlockOf(const Link& link);
 
-// The grains that count: those of the rigid part (observables.h: fewer than
-// d + 1 contacts removed, again and again), and those removed that carry forces
-// all the same, such as a grain squeezed between two: that is no rattler but
-// about to buckle. Energies and lengths are in units in which kappa and the
-// mean overlap lie in [1, 2): powers of two, so that nothing is rounded.
+// The grains that count, N flags: those of the rigid part (observables.h: fewer
+// than d + 1 contacts removed, again and again), and those removed that carry
+// forces all the same, such as a grain squeezed between two: that is no rattler
+// but about to buckle.
+std::vector<bool> CountingGrains(const Observables& observables,
+                                 const std::vector<Contact>& contacts);
+
+// Those grains and their contacts with each other. Energies and lengths are in
+// units in which kappa and the mean overlap lie in [1, 2): powers of two, so
+// that nothing is rounded.
 struct ForceNetwork {
   int dimension = 0;
   std::vector<int> grains;  // that count, by their index in the packing

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <memory>
 
+#include "granular/contact_changes.h"
 #include "solvers/format.h"
 
 namespace granopt {
@@ -31,16 +32,16 @@ double AffineSlope(const Relaxation& state, double alpha) {
          AffinePressureSlope(state.packing, state.contacts);
 }
 
-std::vector<std::array<int, 2>> RigidContacts(const Relaxation& state) {
-  const std::vector<bool>& is_rattler = state.observables.is_rattler;
-  std::vector<std::array<int, 2>> pairs;
-  for (const Contact& c : state.contacts) {
-    if (is_rattler[c.id.i] || is_rattler[c.id.j]) continue;
-    pairs.push_back({std::min(c.id.i, c.id.j), std::max(c.id.i, c.id.j)});
-  }
-  std::sort(pairs.begin(), pairs.end());
-  return pairs;
+ContactPairs RigidContacts(const Relaxation& state) {
+  std::vector<bool> is_rigid = state.observables.is_rattler;
+  is_rigid.flip();
+  return PairsInTouch(state.contacts, is_rigid);
 }
+
+// A relaxation that its method gave up counts as jammed if max|g| is at most
+// this part of the mean force, else it is repeated from where it ended.
+constexpr double kUndecidedResidual = 1e-3;
+constexpr int kMaxAttempts = 5;
 
 // The protocol: what follows from a relaxation.
 class Search {
@@ -55,8 +56,7 @@ class Search {
       case StopReason::CONVERGED:
         return JammingVerdict::JAMMED;
       default:
-        return result.observables.relative_residual <=
-                       options_.undecided_residual
+        return result.observables.relative_residual <= kUndecidedResidual
                    ? JammingVerdict::JAMMED
                    : JammingVerdict::UNDECIDED;
     }
@@ -79,14 +79,14 @@ class Search {
               const Relaxation& result,
               std::string* error) {
     if (verdict == JammingVerdict::UNDECIDED) {
-      if (++s_.attempt == options_.max_attempts) {
+      if (++s_.attempt == kMaxAttempts) {
         *error = Format(
             "undecided at phi = %.10f after %d attempts: max|g| = %.2e mean "
             "forces > %.1e, p = %.3e (%s)",
             s_.phi_next,
             s_.attempt,
             result.observables.relative_residual,
-            options_.undecided_residual,
+            kUndecidedResidual,
             result.observables.pressure,
             result.summary.message.c_str());
         return false;

@@ -50,10 +50,6 @@ struct JammingOptions {
   // packing has and none opened in the last step, or until a packing fraction
   // has no digits left (kFinestDistance).
   bool until_isostatic = false;
-  // A relaxation that its method gave up counts as jammed if max|g| is at most
-  // this part of the mean force, else it is repeated from where it ended.
-  double undecided_residual = 1e-3;
-  int max_attempts = 5;
 
   // About a thousand times the spacing of packing fractions in double.
   static constexpr double kFinestDistance = 2e-13;
@@ -75,7 +71,7 @@ struct JammingState {
   Summary summary;    // of its relaxation
   double pressure = 0.0;
   double affine_slope = 0.0;  // of p^(1 / (alpha - 1)), see AffinePressureSlope
-  std::vector<std::array<int, 2>> rigid_contacts;  // grains i < j, sorted
+  std::vector<std::array<int, 2>> rigid_contacts;  // PairsInTouch()
   int excess_contacts = 0;                         // above an isostatic packing
 
   double phi_start = 0.0;  // where growth began

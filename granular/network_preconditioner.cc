@@ -77,7 +77,6 @@ class Laplacian : public MatrixPreconditioner {
     std::vector<double> nu(n * d), x(n * d), g(n * d);
     const Eigen::MatrixXd fractional =
         packing.box.inverse() * packing.positions;
-    double nu_dg = 0.0;
     for (int i = 0; i < n; ++i) {
       for (int k = 0; k < d; ++k) {
         nu[d * i + k] = 1e-3 * r_cut_ * std::sin(2.0 * kPi * fractional(k, i));
@@ -90,7 +89,7 @@ class Laplacian : public MatrixPreconditioner {
     const Monitor::LinearTimer timer(monitor);
     double mu = 0.0;
     if (measured) {
-      double nu_nu = 0.0;
+      double nu_dg = 0.0, nu_nu = 0.0;
       for (int v = 0; v < n * d; ++v) {
         nu_dg += nu[v] * (g[v] - at.gradient[v]);
         nu_nu += nu[v] * nu[v];
@@ -146,7 +145,6 @@ class Laplacian : public MatrixPreconditioner {
     double r_nn = 0.0;
     for (const double v : nearest) r_nn += v;
     r_nn /= n;
-    // Rows of the list are sorted by j, images of one j side by side.
     std::vector<double> diagonal(n, 0.0);
     std::vector<Eigen::Triplet<double, int>> entries;
     entries.reserve(list.num_pairs() + n);

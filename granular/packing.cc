@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "granular/random.h"
 #include "solvers/format.h"
+#include "solvers/random.h"
 
 namespace granopt {
 namespace {

@@ -4,6 +4,7 @@
 #define GRANOPT_GRANULAR_PACKING_H_
 
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <string>
 #include <vector>
@@ -13,6 +14,9 @@
 #include "granular/double_double.h"
 
 namespace granopt {
+
+// Coordinates and near pairs are counted by an int.
+constexpr int kMostGrains = std::numeric_limits<int>::max() / 64;
 
 // Discs (d = 2) or spheres (d = 3). Positions are exact sums of two doubles,
 // see double_double.h. A grain's index is its name: nothing here reorders

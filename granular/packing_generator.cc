@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
-#include "granular/random.h"
 #include "granular/spatial_order.h"
+#include "solvers/random.h"
 
 namespace granopt {
+
 bool GeneratePacking(const GeneratorOptions& options,
                      Packing* packing,
                      std::string* error) {
@@ -21,7 +21,6 @@ bool GeneratePacking(const GeneratorOptions& options,
   if (d != 2 && d != 3) {
     return fail("dimension = " + std::to_string(d) + " must be 2 or 3");
   }
-  constexpr int kMostGrains = std::numeric_limits<int>::max() / 64;
   if (n < 1 || n > kMostGrains) {
     return fail("particles = " + std::to_string(n) + " must be in [1, " +
                 std::to_string(kMostGrains) + "]");

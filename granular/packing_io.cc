@@ -132,9 +132,7 @@ class Parser {
     }
   }
 
-  bool Columns(const std::string& properties,
-               std::vector<Column>* columns,
-               int* total) {
+  bool Columns(const std::string& properties) {
     std::vector<std::string_view> fields;
     std::string_view rest = properties;
     while (true) {
@@ -147,7 +145,6 @@ class Parser {
       return Fail("Properties=" + Quoted(properties) +
                   " is not a list of name:type:columns");
     }
-    *total = 0;
     for (std::size_t f = 0; f < fields.size(); f += 3) {
       long long count;
       const bool known_type = fields[f + 1].size() == 1 &&
@@ -155,111 +152,123 @@ class Parser {
                                   std::string_view::npos;
       if (fields[f].empty() || !known_type ||
           !ParseInteger(fields[f + 2], &count) || count < 1 || count > 64 ||
-          *total + count > 1024) {
+          total_ + count > 1024) {
         return Fail("Properties: " + Quoted(fields[f]) + ":" +
                     Quoted(fields[f + 1]) + ":" + Quoted(fields[f + 2]) +
                     " is not name:type(S, R, I, L):columns");
       }
-      for (const Column& other : *columns) {
+      for (const Column& other : columns_) {
         if (other.name == fields[f]) {
           return Fail("Properties: " + Quoted(fields[f]) + " is given twice");
         }
       }
-      columns->push_back({std::string(fields[f]),
+      columns_.push_back({std::string(fields[f]),
                           fields[f + 1][0],
-                          *total,
+                          total_,
                           static_cast<int>(count)});
-      *total += static_cast<int>(count);
+      total_ += static_cast<int>(count);
     }
     return true;
   }
 
   bool Frame(Packing* packing) {
+    if (!Count() || !Header() || !FitsTheText() || !Rows() || !Cell()) {
+      return false;
+    }
+    if (low_ != nullptr) CarryOver();
+    std::string problem;
+    if (!result_.IsValid(&problem)) return Fail(problem);
+    *packing = std::move(result_);
+    return true;
+  }
+
+  bool Count() {
     std::string_view line;
-    std::vector<std::string_view> tokens;
     if (!NextLine(&line)) {
       line_number_ = 1;
       return Fail("the file is empty");
     }
-    Tokens(line, &tokens);
-    long long count = 0;
-    if (tokens.size() != 1 || !ParseInteger(tokens[0], &count) || count < 1) {
-      return Fail("the number of grains must be a positive integer, not " +
-                  Quoted(line));
-    }
+    Tokens(line, &tokens_);
+    return (tokens_.size() == 1 && ParseInteger(tokens_[0], &count_) &&
+            count_ >= 1) ||
+           Fail("the number of grains must be a positive integer, not " +
+                Quoted(line));
+  }
 
-    if (!NextLine(&line)) {
-      return Fail("the file ends before the comment line");
-    }
-    Packing result;
-    if (!Attributes(line, &result.attributes)) return false;
-    const auto take = [&result](const char* key, std::string* value) {
-      const auto found = result.attributes.find(key);
-      if (found == result.attributes.end()) return false;
-      *value = found->second;
-      result.attributes.erase(found);
-      return true;
-    };
+  // Removes an attribute that the format itself knows.
+  bool Take(const char* key, std::string* value) {
+    const auto found = result_.attributes.find(key);
+    if (found == result_.attributes.end()) return false;
+    *value = found->second;
+    result_.attributes.erase(found);
+    return true;
+  }
+
+  bool Header() {
+    std::string_view line;
+    if (!NextLine(&line)) return Fail("the file ends before the comment line");
+    header_line_ = line_number_;
+    if (!Attributes(line, &result_.attributes)) return false;
     std::string text;
-    if (!take("Lattice", &text)) return Fail("Lattice=\"...\" is missing");
-    Tokens(text, &tokens);
-    double lattice[9];
-    if (tokens.size() != 9) {
-      return Fail("Lattice has " + std::to_string(tokens.size()) +
+    if (!Take("Lattice", &text)) return Fail("Lattice=\"...\" is missing");
+    Tokens(text, &tokens_);
+    if (tokens_.size() != 9) {
+      return Fail("Lattice has " + std::to_string(tokens_.size()) +
                   " numbers, not 9");
     }
     for (int k = 0; k < 9; ++k) {
-      if (!ParseReal(tokens[k], &lattice[k])) {
-        return Fail("Lattice: " + Quoted(tokens[k]) +
+      if (!ParseReal(tokens_[k], &lattice_[k])) {
+        return Fail("Lattice: " + Quoted(tokens_[k]) +
                     " is not a finite number");
       }
     }
-    int dimension = 0;  // not known yet
-    if (take("pbc", &text)) {
-      Tokens(text, &tokens);
-      const auto is = [&](std::size_t k, char c) {
-        return tokens[k].size() == 1 &&
-               (tokens[k][0] == c || tokens[k][0] == (c == 'T' ? '1' : '0'));
-      };
-      if (tokens.size() == 3 && is(0, 'T') && is(1, 'T') && is(2, 'F')) {
-        dimension = 2;
-      } else if (tokens.size() == 3 && is(0, 'T') && is(1, 'T') && is(2, 'T')) {
-        dimension = 3;
-      } else if (extras_ != nullptr && tokens.size() == 3 && is(0, 'F') &&
-                 is(1, 'F') && is(2, 'F')) {
-        dimension = 3;
-      } else {
-        return Fail("pbc=" + Quoted(text) +
-                    " must be \"T T F\" (discs) or \"T T T\" (spheres)");
-      }
-    }
-    if (extras_ != nullptr && take("Origin", &text)) {
-      Tokens(text, &tokens);
+    if (Take("pbc", &text) && !Periodicity(text)) return false;
+    if (extras_ != nullptr && Take("Origin", &text)) {
+      Tokens(text, &tokens_);
       extras_->origin.resize(3);
       for (int k = 0; k < 3; ++k) {
-        if (tokens.size() != 3 || !ParseReal(tokens[k], &extras_->origin[k])) {
+        if (tokens_.size() != 3 ||
+            !ParseReal(tokens_[k], &extras_->origin[k])) {
           return Fail("Origin=" + Quoted(text) +
                       " must be three finite numbers");
         }
       }
     }
-    if (!take("Properties", &text)) return Fail("Properties=... is missing");
-    std::vector<Column> columns;
-    int total = 0;
-    if (!Columns(text, &columns, &total)) return false;
-    const int header_line = line_number_;
-    const auto find = [&columns](const char* name) -> const Column* {
-      for (const Column& c : columns) {
+    if (!Take("Properties", &text)) return Fail("Properties=... is missing");
+    return Columns(text) && FindColumns();
+  }
+
+  bool Periodicity(const std::string& text) {
+    Tokens(text, &tokens_);
+    const auto is = [this](const char* expected) {
+      if (tokens_.size() != 3) return false;
+      for (int k = 0; k < 3; ++k) {
+        const char c = expected[k];
+        if (tokens_[k].size() != 1 ||
+            (tokens_[k][0] != c && tokens_[k][0] != (c == 'T' ? '1' : '0'))) {
+          return false;
+        }
+      }
+      return true;
+    };
+    if (is("TTF")) {
+      dimension_ = 2;
+    } else if (is("TTT") || (extras_ != nullptr && is("FFF"))) {
+      dimension_ = 3;
+    } else {
+      return Fail("pbc=" + Quoted(text) +
+                  " must be \"T T F\" (discs) or \"T T T\" (spheres)");
+    }
+    return true;
+  }
+
+  bool FindColumns() {
+    const auto find = [this](const char* name) -> const Column* {
+      for (const Column& c : columns_) {
         if (c.name == name) return &c;
       }
       return nullptr;
     };
-    const Column* species = find("species");
-    const Column* position = find("pos");
-    const Column* low = find("pos_lo");
-    const Column* radius = find("radius");
-    const Column* stiffness = find("stiffness");
-    const Column* velocity = extras_ != nullptr ? find("velo") : nullptr;
     const auto check = [this](const Column* c, const char* as) {
       const std::string expected = as;
       if (c == nullptr) return true;
@@ -268,116 +277,130 @@ class Parser {
       return actual == expected ||
              Fail("Properties: " + Quoted(actual) + " must be " + expected);
     };
-    if (position == nullptr) return Fail("Properties has no column pos:R:3");
-    if (radius == nullptr) return Fail("Properties has no column radius:R:1");
-    if (!check(species, "species:S:1") || !check(position, "pos:R:3") ||
-        !check(low, "pos_lo:R:3") || !check(radius, "radius:R:1") ||
-        !check(stiffness, "stiffness:R:1") || !check(velocity, "velo:R:3")) {
-      return false;
-    }
+    species_ = find("species");
+    position_ = find("pos");
+    low_ = find("pos_lo");
+    radius_ = find("radius");
+    stiffness_ = find("stiffness");
+    velocity_ = extras_ != nullptr ? find("velo") : nullptr;
+    if (position_ == nullptr) return Fail("Properties has no column pos:R:3");
+    if (radius_ == nullptr) return Fail("Properties has no column radius:R:1");
+    return check(species_, "species:S:1") && check(position_, "pos:R:3") &&
+           check(low_, "pos_lo:R:3") && check(radius_, "radius:R:1") &&
+           check(stiffness_, "stiffness:R:1") && check(velocity_, "velo:R:3");
+  }
+
+  // Before memory is taken.
+  bool FitsTheText() {
     // Every row takes at least two bytes a column, the last line one less.
     const std::size_t left = text_.size() - at_;
-    if (static_cast<unsigned long long>(count) >
-        (left + 1) / (2ULL * static_cast<unsigned long long>(total)) + 1) {
+    if (static_cast<unsigned long long>(count_) >
+        (left + 1) / (2ULL * static_cast<unsigned long long>(total_)) + 1) {
       line_number_ = 1;
-      return Fail(std::to_string(count) + " grains are declared, but only " +
+      return Fail(std::to_string(count_) + " grains are declared, but only " +
                   std::to_string(left) + " bytes of rows follow");
     }
+    return count_ <= std::numeric_limits<int>::max() ||
+           Fail(std::to_string(count_) + " grains are too many");
+  }
 
-    const int n = static_cast<int>(
-        std::min<long long>(count, std::numeric_limits<int>::max()));
-    if (n != count) return Fail(std::to_string(count) + " grains are too many");
-    Eigen::MatrixXd x(3, n), x_low;
-    if (low != nullptr) x_low.resize(3, n);
-    result.radii.resize(n);
-    if (species != nullptr) result.species.resize(n);
-    if (stiffness != nullptr) result.stiffness.resize(n);
-    if (velocity != nullptr) extras_->velocities.resize(3, n);
+  bool Rows() {
+    const int n = static_cast<int>(count_);
+    x_.resize(3, n);
+    if (low_ != nullptr) x_low_.resize(3, n);
+    result_.radii.resize(n);
+    if (species_ != nullptr) result_.species.resize(n);
+    if (stiffness_ != nullptr) result_.stiffness.resize(n);
+    if (velocity_ != nullptr) extras_->velocities.resize(3, n);
+    std::string_view line;
     for (int i = 0; i < n; ++i) {
       if (!NextLine(&line)) {
         return Fail("the file ends after " + std::to_string(i) + " of " +
                     std::to_string(n) + " rows");
       }
-      Tokens(line, &tokens);
-      if (static_cast<int>(tokens.size()) != total) {
-        return Fail("row has " + std::to_string(tokens.size()) +
-                    " columns, not " + std::to_string(total));
-      }
-      const auto real = [&](const Column* c, int k, double* value) {
-        const std::string_view token = tokens[c->first + k];
-        return ParseReal(token, value) || Fail(c->name + " = " + Quoted(token) +
-                                               " is not a finite number");
-      };
-      for (int k = 0; k < 3; ++k) {
-        if (!real(position, k, &x(k, i))) return false;
-        if (low != nullptr && !real(low, k, &x_low(k, i))) return false;
-        if (velocity != nullptr &&
-            !real(velocity, k, &extras_->velocities(k, i))) {
-          return false;
-        }
-      }
-      if (!real(radius, 0, &result.radii[i])) return false;
-      if (!(result.radii[i] > 0.0)) {
-        return Fail("radius = " + Quoted(tokens[radius->first]) +
-                    " must be positive");
-      }
-      if (stiffness != nullptr) {
-        if (!real(stiffness, 0, &result.stiffness[i])) return false;
-        if (!(result.stiffness[i] > 0.0)) {
-          return Fail("stiffness = " + Quoted(tokens[stiffness->first]) +
-                      " must be positive");
-        }
-      }
-      if (species != nullptr) {
-        result.species[i] = std::string(tokens[species->first]);
-      }
-      if (dimension == 2 && x(2, i) != x(2, 0)) {
-        return Fail("z = " + Quoted(tokens[position->first + 2]) +
-                    " differs from the first grain's, but pbc says \"T T F\"");
-      }
+      Tokens(line, &tokens_);
+      if (!Row(i)) return false;
     }
     while (NextLine(&line)) {
-      Tokens(line, &tokens);
-      if (!tokens.empty()) {
+      Tokens(line, &tokens_);
+      if (!tokens_.empty()) {
         return Fail("more rows than the " + std::to_string(n) +
                     " declared, or a second frame: " + Quoted(line));
       }
     }
-    line_number_ = header_line;
-    if (dimension == 0) {
-      dimension = (x.row(2).array() == x(2, 0)).all() ? 2 : 3;
+    return true;
+  }
+
+  bool Real(const Column* c, int k, double* value) {
+    const std::string_view token = tokens_[c->first + k];
+    return ParseReal(token, value) ||
+           Fail(c->name + " = " + Quoted(token) + " is not a finite number");
+  }
+
+  bool Positive(const Column* c, double* value) {
+    return Real(c, 0, value) &&
+           (*value > 0.0 || Fail(c->name + " = " + Quoted(tokens_[c->first]) +
+                                 " must be positive"));
+  }
+
+  bool Row(int i) {
+    if (static_cast<int>(tokens_.size()) != total_) {
+      return Fail("row has " + std::to_string(tokens_.size()) +
+                  " columns, not " + std::to_string(total_));
     }
-    if (dimension == 2 && (lattice[2] != 0.0 || lattice[5] != 0.0)) {
+    for (int k = 0; k < 3; ++k) {
+      if (!Real(position_, k, &x_(k, i))) return false;
+      if (low_ != nullptr && !Real(low_, k, &x_low_(k, i))) return false;
+      if (velocity_ != nullptr &&
+          !Real(velocity_, k, &extras_->velocities(k, i))) {
+        return false;
+      }
+    }
+    if (!Positive(radius_, &result_.radii[i])) return false;
+    if (stiffness_ != nullptr && !Positive(stiffness_, &result_.stiffness[i])) {
+      return false;
+    }
+    if (species_ != nullptr) {
+      result_.species[i] = std::string(tokens_[species_->first]);
+    }
+    return dimension_ != 2 || x_(2, i) == x_(2, 0) ||
+           Fail("z = " + Quoted(tokens_[position_->first + 2]) +
+                " differs from the first grain's, but pbc says \"T T F\"");
+  }
+
+  bool Cell() {
+    line_number_ = header_line_;
+    if (dimension_ == 0) {
+      dimension_ = (x_.row(2).array() == x_(2, 0)).all() ? 2 : 3;
+    }
+    if (dimension_ == 2 && (lattice_[2] != 0.0 || lattice_[5] != 0.0)) {
       return Fail(
           "the first two edges of a cell of discs must lie in the plane");
     }
-    SmallMatrix edges(dimension, dimension);
-    for (int edge = 0; edge < dimension; ++edge) {
-      for (int k = 0; k < dimension; ++k)
-        edges(k, edge) = lattice[3 * edge + k];
+    SmallMatrix edges(dimension_, dimension_);
+    for (int edge = 0; edge < dimension_; ++edge) {
+      for (int k = 0; k < dimension_; ++k) {
+        edges(k, edge) = lattice_[3 * edge + k];
+      }
     }
-    result.box = Box(edges);
-    if (!result.box.IsValid()) {
-      return Fail("Lattice: the cell is singular");
-    }
-    result.positions = x.topRows(dimension);
-    if (low != nullptr) {
-      result.positions_low = x_low.topRows(dimension);
-      for (int i = 0; i < n; ++i) {
-        for (int k = 0; k < dimension; ++k) {
-          // Low parts as large as an ulp of the high part are carried over.
-          const DoubleDouble given = result.Position(i, k);
-          if (given.Value() != given.hi) {
-            result.SetPosition(i, k, TwoSum(given.hi, given.lo));
-          }
+    result_.box = Box(edges);
+    if (!result_.box.IsValid()) return Fail("Lattice: the cell is singular");
+    result_.positions = x_.topRows(dimension_);
+    return true;
+  }
+
+  // Low parts as large as an ulp of the high part.
+  void CarryOver() {
+    result_.positions_low = x_low_.topRows(dimension_);
+    for (int i = 0; i < result_.size(); ++i) {
+      for (int k = 0; k < dimension_; ++k) {
+        const DoubleDouble given = result_.Position(i, k);
+        if (given.Value() != given.hi) {
+          result_.SetPosition(i, k, TwoSum(given.hi, given.lo));
         }
       }
-      if (result.positions_low.isZero(0.0)) result.positions_low.resize(0, 0);
     }
-    std::string problem;
-    if (!result.IsValid(&problem)) return Fail(problem);
-    *packing = std::move(result);
-    return true;
+    if (result_.positions_low.isZero(0.0)) result_.positions_low.resize(0, 0);
   }
 
   const std::string& text_;
@@ -386,6 +409,23 @@ class Parser {
   std::size_t at_ = 0;
   int line_number_ = 0;
   std::string error_;
+
+  std::vector<std::string_view> tokens_;  // of the line at hand
+  long long count_ = 0;
+  int header_line_ = 0;
+  double lattice_[9] = {};
+  int dimension_ = 0;  // 0: not known yet
+  std::vector<Column> columns_;
+  int total_ = 0;  // of their widths
+  // Among them; null: not there.
+  const Column* species_ = nullptr;
+  const Column* position_ = nullptr;
+  const Column* low_ = nullptr;
+  const Column* radius_ = nullptr;
+  const Column* stiffness_ = nullptr;
+  const Column* velocity_ = nullptr;
+  Eigen::MatrixXd x_, x_low_;  // 3 x N
+  Packing result_;
 };
 
 // " %.17g" in any locale.

@@ -15,6 +15,10 @@ namespace {
 
 constexpr double kTolerance = 1e-12;
 
+// A step belongs to the branch if it dissipates at most this part of the step
+// that is searched.
+constexpr double kRest = 0.1;
+
 struct State {
   double strain = 0.0;
   Relaxation relaxation;
@@ -81,6 +85,65 @@ Eigen::MatrixXd DisplacementBetween(const Packing& a,
   return u;
 }
 
+namespace {
+
+// What changes from the last state on the branch to the first beyond it.
+void MeasureEvent(DeformationMode mode,
+                  const State& low,
+                  const State& high,
+                  PlasticEvent* event) {
+  event->strain_before = low.strain;
+  event->strain_after = high.strain;
+  event->energy_drop = Dissipated(mode, low, high);
+  const Observables& before = low.relaxation.observables;
+  const Observables& after = high.relaxation.observables;
+  event->stress_drop = ConjugateStress(mode, before.stress) -
+                       ConjugateStress(mode, after.stress);
+  event->pressure_drop = before.pressure - after.pressure;
+  const std::vector<bool> counts =
+      CountingInBoth(low.relaxation, high.relaxation);
+  Packing moved = low.relaxation.packing;
+  DeformTo(mode, low.strain, high.strain, &moved);
+  event->displacement =
+      DisplacementBetween(moved, high.relaxation.packing, counts);
+  Eigen::ArrayXd square =
+      event->displacement.colwise().squaredNorm().transpose().array();
+  for (int i = 0; i < square.size(); ++i) {
+    if (!counts[i]) square[i] = 0.0;
+  }
+  const double rigid = std::count(counts.begin(), counts.end(), true);
+  const double fourth = square.square().sum();
+  if (fourth > 0.0) {
+    event->participation = square.sum() * square.sum() / (rigid * fourth);
+  }
+  const ContactChange change =
+      Compare(PairsInTouch(low.relaxation.contacts, counts),
+              PairsInTouch(high.relaxation.contacts, counts));
+  event->contacts_opened = change.opened;
+  event->contacts_closed = change.closed;
+}
+
+// How well `back` is where the step began.
+void MeasureReversal(const Relaxation& first,
+                     const Relaxation& back,
+                     PlasticEvent* event) {
+  const Observables& begin = first.observables;
+  event->reversal_energy =
+      begin.energy > 0.0
+          ? std::abs(back.observables.energy - begin.energy) / begin.energy
+          : 0.0;
+  const std::vector<bool> rigid_there = CountingInBoth(first, back);
+  const Eigen::MatrixXd away =
+      DisplacementBetween(first.packing, back.packing, rigid_there);
+  for (int i = 0; i < away.cols() && begin.mean_overlap > 0.0; ++i) {
+    if (!rigid_there[i]) continue;
+    event->reversal_displacement = std::max(
+        event->reversal_displacement, away.col(i).norm() / begin.mean_overlap);
+  }
+}
+
+}  // namespace
+
 bool LocateEvent(const Packing& start,
                  double from,
                  double to,
@@ -90,10 +153,6 @@ bool LocateEvent(const Packing& start,
                  std::string* error) {
   if (!(options.width > 0.0)) {
     *error = Format("width = %g must be positive", options.width);
-    return false;
-  }
-  if (!(options.rest > 0.0 && options.rest < 1.0)) {
-    *error = Format("rest = %g must be in (0, 1)", options.rest);
     return false;
   }
   *event = PlasticEvent();
@@ -134,7 +193,7 @@ bool LocateEvent(const Packing& start,
   State high;
   if (!relaxed_at(low, to, &high)) return false;
   const double whole = Dissipated(options.mode, low, high);
-  const double least = options.rest * whole;
+  const double least = kRest * whole;
   const auto on_branch = [&](const State& next) {
     return !(Dissipated(options.mode, low, next) > least);
   };
@@ -155,53 +214,10 @@ bool LocateEvent(const Packing& start,
   const double beyond = high.strain;
   if (!relaxed_at(low, beyond, &high)) return false;
   event->found = !on_branch(high);
-  event->strain_before = low.strain;
-  event->strain_after = high.strain;
-  event->energy_drop = Dissipated(options.mode, low, high);
-  const Observables& before = low.relaxation.observables;
-  const Observables& after = high.relaxation.observables;
-  event->stress_drop = ConjugateStress(options.mode, before.stress) -
-                       ConjugateStress(options.mode, after.stress);
-  event->pressure_drop = before.pressure - after.pressure;
-  const std::vector<bool> counts =
-      CountingInBoth(low.relaxation, high.relaxation);
-  Packing moved = low.relaxation.packing;
-  DeformTo(options.mode, low.strain, high.strain, &moved);
-  event->displacement =
-      DisplacementBetween(moved, high.relaxation.packing, counts);
-  Eigen::ArrayXd square =
-      event->displacement.colwise().squaredNorm().transpose().array();
-  for (int i = 0; i < square.size(); ++i) {
-    if (!counts[i]) square[i] = 0.0;
-  }
-  const double rigid = std::count(counts.begin(), counts.end(), true);
-  const double fourth = square.square().sum();
-  if (fourth > 0.0) {
-    event->participation = square.sum() * square.sum() / (rigid * fourth);
-  }
-  const ContactChange change =
-      Compare(PairsInTouch(low.relaxation.contacts, counts),
-              PairsInTouch(high.relaxation.contacts, counts));
-  event->contacts_opened = change.opened;
-  event->contacts_closed = change.closed;
-
+  MeasureEvent(options.mode, low, high, event);
   State back;
   if (!relaxed_at(low, from, &back)) return false;
-  const Observables& begin = first.relaxation.observables;
-  event->reversal_energy =
-      begin.energy > 0.0
-          ? std::abs(back.relaxation.observables.energy - begin.energy) /
-                begin.energy
-          : 0.0;
-  const std::vector<bool> rigid_there =
-      CountingInBoth(first.relaxation, back.relaxation);
-  const Eigen::MatrixXd away = DisplacementBetween(
-      first.relaxation.packing, back.relaxation.packing, rigid_there);
-  for (int i = 0; i < away.cols() && begin.mean_overlap > 0.0; ++i) {
-    if (!rigid_there[i]) continue;
-    event->reversal_displacement = std::max(
-        event->reversal_displacement, away.col(i).norm() / begin.mean_overlap);
-  }
+  MeasureReversal(first.relaxation, back.relaxation, event);
   event->before = std::move(low.relaxation);
   event->after = std::move(high.relaxation);
   return true;

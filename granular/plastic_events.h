@@ -20,9 +20,6 @@ struct PlasticEventOptions {
   DeformationMode mode = DeformationMode::PURE_SHEAR;
   // The strain is located to this, > 0.
   double width = 1e-10;
-  // A step belongs to the branch if it dissipates less than this part of the
-  // step that is searched, 0 < rest < 1.
-  double rest = 0.1;
   // Follow the lowest eigenvalue to the event.
   bool follow_mode = true;
 };
@@ -69,7 +66,7 @@ struct PlasticEvent {
 // Looks for the instability in the step of `mode` from strain `from`, where
 // `start` is relaxed, to `to`: halves the interval, following the branch from
 // its last known state, until it is as narrow as `width`. A trial belongs to
-// the branch if E_(k-1) + W - E_k is below `rest` of what the whole step
+// the branch if E_(k-1) + W - E_k is at most a tenth of what the whole step
 // dissipates: on the branch that is an error of the third order of the strain
 // (of order 3/2 next to the instability), beyond it it stays. What is found is
 // therefore the first event that dissipates at least that much.

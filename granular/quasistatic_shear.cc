@@ -4,7 +4,7 @@
 #include <memory>
 #include <utility>
 
-#include "granular/cell_energy.h"
+#include "granular/constant_stress.h"
 #include "solvers/format.h"
 
 namespace granopt {

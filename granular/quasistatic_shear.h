@@ -55,7 +55,7 @@ struct QuasistaticShearOptions {
   // `steps` equal increments.
   std::vector<double> path;
   // Positive: after each increment the volume relaxes, too, until the pressure
-  // is this one (RelaxAtStress with the isotropic strain); not with BULK.
+  // is this one (constant_stress.h, the isotropic strain); not with BULK.
   double pressure = 0.0;
 };
 
@@ -81,8 +81,8 @@ struct QuasistaticShearStep {
   // What the boundary has done to the packing in this step,
   //   W = -V sigma : ln D_k (sigma positive in compression),
   // with the mean of V sigma before and after: E_k - E_(k-1) to third order
-  // in the strain where nothing rearranges; at constant pressure the strain
-  // includes that of the volume. Otherwise
+  // in the strain where nothing rearranges. At constant pressure the strain
+  // includes that of the volume.
   double work = 0.0;
   // E_(k-1) + W - E_k, what the rearrangements have dissipated.
   double dissipated = 0.0;

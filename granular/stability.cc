@@ -34,6 +34,10 @@ constexpr double kRoundoff = 1e-13;
 // beyond what the bounds are made for.
 constexpr double kLargestMotion = 1e-2;
 
+// Up to so many mean forces of max|g| a point without a proof counts as
+// stationary.
+constexpr double kStationary = 1e-6;
+
 // What is known of any point of B, see the header.
 struct Region {
   double radius = 0.0;     // R
@@ -181,6 +185,101 @@ void AddGaps(const ContactEnergy& energy,
   }
 }
 
+// The gradient of E' and a bound of |H_p|: twice the largest sum of f / l of a
+// grain.
+struct Forces {
+  VectorXd gradient;
+  double prestress = 0.0;
+};
+
+Forces ForcesOf(const ForceNetwork& network) {
+  const int d = network.dimension;
+  Forces forces;
+  forces.gradient = VectorXd::Zero(d * network.size());
+  VectorXd tension = VectorXd::Zero(network.size());
+  for (const Link& link : network.links) {
+    if (!(link.overlap > 0.0) || link.i == link.j) continue;
+    forces.gradient.segment(d * link.i, d) -= link.force * link.normal;
+    forces.gradient.segment(d * link.j, d) += link.force * link.normal;
+    tension[link.i] += link.force / link.distance;
+    tension[link.j] += link.force / link.distance;
+  }
+  forces.prestress = 2.0 * tension.maxCoeff();
+  return forces;
+}
+
+// Pieces that do not touch, as a message.
+std::string PiecesLine(const std::vector<int>& pieces) {
+  std::string sizes;
+  for (std::size_t k = 0; k < std::min<std::size_t>(3, pieces.size()); ++k) {
+    sizes += (k == 0 ? "" : ", ") + std::to_string(pieces[k]);
+  }
+  if (pieces.size() > 3) sizes += ", ...";
+  return Format(
+      "%d pieces (%s grains) that do not touch each other and may each "
+      "translate",
+      static_cast<int>(pieces.size()),
+      sizes.c_str());
+}
+
+// The lowest modes of H.
+LowestModes FindModes(const ForceNetwork& network,
+                      const std::vector<LinkBlock>& blocks,
+                      int count,
+                      int num_grains,
+                      Certificate* certificate) {
+  const int d = network.dimension;
+  LowestModesOptions lowest;
+  lowest.count = std::max(1, count);
+  lowest.left_out.setZero(d * network.size(), d);
+  for (int i = 0; i < network.size(); ++i) {
+    lowest.left_out.middleRows(d * i, d).setIdentity();
+  }
+  LowestModes modes =
+      ComputeLowestModes(AssembleBlocks(network, blocks, -1), lowest);
+  for (Index k = 0; k < modes.values.size(); ++k) {
+    NormalMode mode = MakeMode(network, modes.vectors.col(k), num_grains);
+    mode.eigenvalue = modes.values[k] / network.stiffness_unit;
+    mode.residual = modes.residuals[k] / network.stiffness_unit;
+    certificate->modes.push_back(std::move(mode));
+  }
+  if (modes.converged) {
+    certificate->lowest_eigenvalue = modes.values[0] / network.stiffness;
+  }
+  return modes;
+}
+
+// nu, and the largest change of a separation, of Newton's step with the factor
+// of a matrix that is lower by tau kappa: both are slightly too large.
+struct NewtonLength {
+  double nu = 0.0;
+  double largest = 0.0;
+};
+
+NewtonLength LengthOfNewtonsStep(const ForceNetwork& network,
+                                 const VectorXd& gradient,
+                                 SparseCholesky* cholesky) {
+  const int d = network.dimension;
+  const int before = d * network.held;
+  const auto after = gradient.size() - before - d;
+  VectorXd right(gradient.size() - d);
+  right << gradient.head(before), gradient.tail(after);
+  VectorXd step(right.size());
+  cholesky->Solve(right.data(), step.data());
+  NewtonLength length;
+  length.nu = std::sqrt(std::max(0.0, right.dot(step)));
+  VectorXd all = VectorXd::Zero(gradient.size());
+  all.head(before) = step.head(before);
+  all.tail(after) = step.tail(after);
+  for (const Link& link : network.links) {
+    if (!(link.overlap > 0.0)) continue;
+    length.largest = std::max(
+        length.largest,
+        (all.segment(d * link.i, d) - all.segment(d * link.j, d)).norm());
+  }
+  return length;
+}
+
 }  // namespace
 
 const char* StabilityVerdictName(StabilityVerdict verdict) {
@@ -250,43 +349,21 @@ Certificate Certify(const ContactEnergy& original,
                            observables.relative_residual));
   }
 
-  const int d = network.dimension;
-  const int n = network.size();
-  // The gradient of E'.
-  VectorXd gradient = VectorXd::Zero(d * n);
-  // A bound of |H_p|: twice the largest sum of f / l of a grain.
-  VectorXd tension = VectorXd::Zero(n);
-  for (const Link& link : network.links) {
-    if (!(link.overlap > 0.0) || link.i == link.j) continue;
-    gradient.segment(d * link.i, d) -= link.force * link.normal;
-    gradient.segment(d * link.j, d) += link.force * link.normal;
-    tension[link.i] += link.force / link.distance;
-    tension[link.j] += link.force / link.distance;
-  }
+  const Forces forces = ForcesOf(network);
   certificate.residual =
-      gradient.lpNorm<Eigen::Infinity>() / network.mean_force;
-  const bool stationary = certificate.residual <= options.stationary;
+      forces.gradient.lpNorm<Eigen::Infinity>() / network.mean_force;
+  const bool stationary = certificate.residual <= kStationary;
   const std::string residual_line =
       Format("residual %.1e mean forces", certificate.residual);
 
   const std::vector<int> pieces = Pieces(network);
   certificate.pieces = static_cast<int>(pieces.size());
   if (pieces.size() > 1) {
-    if (!stationary) {
-      return conclude(StabilityVerdict::NOT_STATIONARY, residual_line);
-    }
-    std::string sizes;
-    for (std::size_t k = 0; k < std::min<std::size_t>(3, pieces.size()); ++k) {
-      sizes += (k == 0 ? "" : ", ") + std::to_string(pieces[k]);
-    }
-    if (pieces.size() > 3) sizes += ", ...";
-    return conclude(StabilityVerdict::DISCONNECTED,
-                    Format("%d pieces (%s grains) that do not touch each other "
-                           "and may each translate",
-                           certificate.pieces,
-                           sizes.c_str()));
+    return stationary
+               ? conclude(StabilityVerdict::DISCONNECTED, PiecesLine(pieces))
+               : conclude(StabilityVerdict::NOT_STATIONARY, residual_line);
   }
-  if (n == 1) {
+  if (network.size() == 1) {
     certificate.lowest_eigenvalue = kInfinity;
     return conclude(StabilityVerdict::STRICT_MINIMUM,
                     "one grain, which can only translate");
@@ -295,28 +372,13 @@ Certificate Certify(const ContactEnergy& original,
   std::vector<LinkBlock> blocks;
   blocks.reserve(network.links.size());
   for (const Link& link : network.links) blocks.push_back(BlockOf(link));
-
-  // The lowest modes, whatever the verdict.
-  LowestModesOptions lowest;
-  lowest.count = std::max(1, options.modes);
-  lowest.left_out.setZero(d * n, d);
-  for (int i = 0; i < n; ++i) {
-    lowest.left_out.middleRows(d * i, d).setIdentity();
-  }
-  const LowestModes modes =
-      ComputeLowestModes(AssembleBlocks(network, blocks, -1), lowest);
-  for (Index k = 0; k < modes.values.size(); ++k) {
-    NormalMode mode =
-        MakeMode(network, modes.vectors.col(k), observables.grains);
-    mode.eigenvalue = modes.values[k] / network.stiffness_unit;
-    mode.residual = modes.residuals[k] / network.stiffness_unit;
-    certificate.modes.push_back(std::move(mode));
-  }
+  // Whatever the verdict.
+  const LowestModes modes = FindModes(
+      network, blocks, options.modes, observables.grains, &certificate);
   if (!modes.converged) {
     return conclude(StabilityVerdict::FAILED,
                     "lowest modes not found: " + modes.message);
   }
-  certificate.lowest_eigenvalue = modes.values[0] / network.stiffness;
 
   // (1)
   const double floor = options.zero * network.stiffness;
@@ -332,36 +394,20 @@ Certificate Certify(const ContactEnergy& original,
                         : StabilityVerdict::NOT_CERTIFIED,
                     ModeLine(certificate));
   }
-
-  // Newton's step, by a matrix that is lower by tau kappa: both it and nu are
-  // slightly too large.
-  VectorXd right(d * (n - 1));
-  right << gradient.head(d * network.held),
-      gradient.tail(d * (n - 1 - network.held));
-  VectorXd step(right.size());
-  cholesky.Solve(right.data(), step.data());
-  const double nu = std::sqrt(std::max(0.0, right.dot(step)));
-  VectorXd all = VectorXd::Zero(d * n);
-  all.head(d * network.held) = step.head(d * network.held);
-  all.tail(d * (n - 1 - network.held)) = step.tail(d * (n - 1 - network.held));
-  double largest = 0.0;
-  for (const Link& link : network.links) {
-    if (!(link.overlap > 0.0)) continue;
-    largest = std::max(
-        largest,
-        (all.segment(d * link.i, d) - all.segment(d * link.j, d)).norm());
-  }
-  certificate.newton_step = largest / network.mean_overlap;
+  const NewtonLength newton =
+      LengthOfNewtonsStep(network, forces.gradient, &cholesky);
+  certificate.newton_step = newton.largest / network.mean_overlap;
 
   // (2)
   Region region;
   region.alpha = energy->Exponent();
   region.lambda = std::max(floor, modes.values[0] - modes.residuals[0]);
-  region.prestress = 2.0 * tension.maxCoeff();
+  region.prestress = forces.prestress;
   region.radius =
       kRegion *
-      (nu + kGradientError * network.mean_force *
-                std::sqrt(static_cast<double>(d * n) / region.lambda));
+      (newton.nu + kGradientError * network.mean_force *
+                       std::sqrt(static_cast<double>(forces.gradient.size()) /
+                                 region.lambda));
   std::vector<LinkBlock> bounds;
   const double motion = std::sqrt(2.0 / region.lambda) * region.radius;
   const bool bounded =

@@ -29,9 +29,6 @@ struct StabilityOptions {
   // some 1e-15 kappa; the lowest eigenvalue of 1024 to 4096 discs was 2e-7 to
   // 1e-5 kappa between 1e-8 and 1e-6 above jamming.
   double zero = 1e-10;
-  // Up to max|g| / mean force = this, a point without a proof counts as
-  // stationary.
-  double stationary = 1e-6;
   // Scales::vanishing up to which the energy counts as zero, as in
   // SolveOptions.
   double vanishing_tolerance = 1e-13;
@@ -39,7 +36,7 @@ struct StabilityOptions {
   int modes = 1;
 };
 
-// A normal mode of the grains that count, see Certify(): H e = eigenvalue e
+// A normal mode of the grains that count: H e = eigenvalue e
 // with |e| = 1, orthogonal to translations.
 struct NormalMode {
   double eigenvalue = 0.0;  // energy / length^2
@@ -90,10 +87,8 @@ struct Certificate {
 // Tries to prove that the packing of `energy` at displacement u is at a strict
 // minimum, up to what rounding leaves open.
 //
-// The grains that count are those of the rigid part (observables.h: fewer than
-// d + 1 contacts removed, again and again), and those removed that carry forces
-// all the same, such as a grain squeezed between two: that is no rattler but
-// about to buckle. E' is the energy of their contacts with each other, E' <= E.
+// E' is the energy of the contacts with each other of grains that count
+// (CountingGrains(): those that are held or carry forces), E' <= E.
 //
 // STRICT_MINIMUM means: E' has exactly one minimum, translations apart, in
 //   B = {u + x : x.H x <= R^2},  R = 4 nu,  nu^2 = g.H^-1 g,

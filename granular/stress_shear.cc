@@ -3,6 +3,7 @@
 #include <cmath>
 #include <utility>
 
+#include "granular/constant_stress.h"
 #include "solvers/format.h"
 
 namespace granopt {

@@ -5,7 +5,6 @@
 
 #include <string>
 
-#include "granular/cell_energy.h"
 #include "granular/quasistatic_shear.h"
 
 namespace granopt {
@@ -22,7 +21,7 @@ struct StressShearOptions {
 // One step of stress-controlled simple shear: from `state`, which is relaxed,
 // to the next minimum over positions and the strain gamma of simple shear (and
 // the volume) at the shear stress -sigma_12 = `stress` of (10), whose unit is
-// that of k length^(alpha - d): RelaxAtStress with the load
+// that of k length^(alpha - d): RelaxAtStress() with the load
 //   s = -stress (e_1 (x) e_2 + e_2 (x) e_1),   F = 1 + gamma e_1 (x) e_2.
 //
 // True with `found`: `state` and `last` are there, state->strain has grown by

@@ -88,19 +88,26 @@ bool MakeFlatWalls(double spacing,
   const int n = packing->size();
   const double radius = packing->radii.minCoeff();
   const double largest = packing->radii.maxCoeff();
-  packing->Wrap();
-  *walls = Walls();
-  walls->area = Area(packing->box);
   const SmallMatrix edges = packing->box.edges();
-  int count[2] = {1, 1};
-  double step[2] = {0.0, 0.0};
+  double counts[2] = {1.0, 1.0}, step[2] = {0.0, 0.0};
   const int along[2] = {0, 2};
   for (int k = 0; k < d - 1; ++k) {
     const double length = edges(along[k], along[k]);
-    count[k] = static_cast<int>(std::ceil(length / (spacing * radius)));
-    step[k] = length / count[k];
+    counts[k] = std::ceil(length / (spacing * radius));
+    step[k] = length / counts[k];
   }
+  if (!(n + 2.0 * counts[0] * counts[1] <= kMostGrains)) {
+    *error = Format("walls of %g x %g grains are too many for a packing",
+                    counts[0],
+                    counts[1]);
+    return false;
+  }
+  const int count[2] = {static_cast<int>(counts[0]),
+                        static_cast<int>(counts[1])};
   const int of_a_wall = count[0] * count[1];
+  packing->Wrap();
+  *walls = Walls();
+  walls->area = Area(packing->box);
   const double below = 2.0 * radius;
   Extend(below, below + kApart * largest, packing);
   walls->lower = below;

@@ -40,7 +40,8 @@ bool MakeRoughWalls(double thickness,
 // the cell: their faces touch it. The packing is no longer relaxed. The walls
 // deviate from a plane by r (1 - (1 - spacing^2 / 4)^(1/2)), 3 % of r at a
 // spacing of 0.5 (in 3D along the lines of centres). Their grains come last and
-// are of species "wall".
+// are of species "wall". Returns false with one line in `error` as above, or
+// where they would be more than a packing holds.
 bool MakeFlatWalls(double spacing,
                    Packing* packing,
                    Walls* walls,

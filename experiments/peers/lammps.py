@@ -40,7 +40,7 @@ def bad_input(message):
 
 
 class UniformRandom:
-    """std::mt19937_64 and its upper 53 bits, granular/random.h."""
+    """std::mt19937_64 and its upper 53 bits, solvers/random.h."""
 
     MASK = (1 << 64) - 1
 

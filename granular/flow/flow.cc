@@ -5,8 +5,8 @@
 #include <limits>
 
 #include "granular/contact_energy.h"
-#include "granular/random.h"
 #include "solvers/format.h"
+#include "solvers/random.h"
 
 namespace granopt {
 namespace {

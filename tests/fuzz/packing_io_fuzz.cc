@@ -1,6 +1,7 @@
 // Whatever the bytes, ParsePacking() must return: either one printable line of
 // error with its place, or a valid packing that FormatPacking() writes and
-// ParsePacking() reads back bit by bit.
+// ParsePacking() reads back bit by bit. What ParseFrame() reads is valid and
+// has velocities of all its grains or of none.
 //
 // Built twice: with libFuzzer (GRANOPT_FUZZ, Clang) and, everywhere, into
 // replay_test, which runs it over the files of corpus/.
@@ -19,7 +20,9 @@ namespace {
 
 using granopt::DoubleDouble;
 using granopt::FormatPacking;
+using granopt::FrameExtras;
 using granopt::Packing;
+using granopt::ParseFrame;
 using granopt::ParsePacking;
 
 void Require(bool condition, const char* what, const std::string& detail) {
@@ -66,8 +69,17 @@ bool Same(const Packing& a, const Packing& b) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data,
                                       std::size_t size) {
   const std::string text(reinterpret_cast<const char*>(data), size);
-  Packing packing;
+  Packing packing, frame;
+  FrameExtras extras;
   std::string error;
+  const bool is_frame = ParseFrame(text, "input", &frame, &extras, &error);
+  if (is_frame) {
+    Require(frame.IsValid(&error), "parsed frame is not valid", error);
+    Require(extras.velocities.size() == 0 ||
+                extras.velocities.cols() == frame.size(),
+            "velocities of other grains",
+            text);
+  }
   if (!ParsePacking(text, "input", &packing, &error)) {
     Require(error.compare(0, 6, "input:") == 0, "no place in the error", error);
     for (const char c : error) {

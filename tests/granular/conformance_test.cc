@@ -1,27 +1,21 @@
 // What every registered method must do, whatever it is (method_table.h excuses
 // some from some of it): end where it should, for the reason that it states,
 // with the best point that it has seen, within its budgets, and whatever the
-// function does.
+// function does. On packings: conformance_packings_test.cc.
+
+#include "tests/granular/conformance.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
 #include <functional>
 #include <limits>
-#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "granular/quad_residual.h"
 #include "gtest/gtest.h"
-#include "solvers/preconditioner.h"
-#include "solvers/registry.h"
-#include "tests/granular/method_table.h"
-#include "tests/granular/test_packings.h"
-#include "tests/solvers/run_method.h"
 #include "tests/solvers/test_functions.h"
 
 namespace granopt {
@@ -151,70 +145,6 @@ class Unscaled : public Wrapper {
 
 // ---- runs -------------------------------------------------------------------
 
-bool Supports(const std::string& spec, const FirstOrderFunction& f) {
-  std::string error;
-  const auto solver = CreateSolver(spec, &error);
-  EXPECT_NE(solver, nullptr) << error;
-  return solver != nullptr && solver->Supports(f, &error);
-}
-
-// What must be true of any run of any method on any function that it serves.
-// Costs may change in their last digits when the reference moves.
-void ExpectSound(const FirstOrderFunction& f,
-                 const std::vector<double>& start,
-                 const Result& run) {
-  const Summary& s = run.summary;
-  for (const double x : run.x) ASSERT_TRUE(std::isfinite(x));
-  EXPECT_FALSE(s.message.empty());
-  EXPECT_EQ(s.message.find("nan >"), std::string::npos) << s.message;
-  if (s.reason == StopReason::EVALUATION_FAILED &&
-      s.counters.evaluations <= 1) {
-    EXPECT_TRUE(SameBits(run.x, start));
-    return;
-  }
-  EXPECT_LE(s.cost, s.initial_cost + 1e-10 * std::abs(s.initial_cost));
-  EXPECT_TRUE(std::isfinite(s.cost));
-  EXPECT_TRUE(std::isfinite(s.max_gradient));
-  if (s.reason == StopReason::CONVERGED) {
-    EXPECT_LE(s.max_gradient, s.tolerance) << s.BriefReport();
-  } else if (s.reason != StopReason::VANISHED) {
-    EXPECT_GT(s.max_gradient, s.tolerance) << s.BriefReport();
-  }
-  // Both sides of the test that failed.
-  const bool numbers = s.reason == StopReason::CONVERGED ||
-                       s.reason == StopReason::MAX_ITERATIONS ||
-                       s.reason == StopReason::MAX_EVALUATIONS ||
-                       s.reason == StopReason::MAX_SECONDS ||
-                       s.reason == StopReason::CALLBACK ||
-                       s.reason == StopReason::NO_PROGRESS;
-  double left = -1.0, right = -1.0;
-  char relation[3] = "";
-  const std::size_t at = s.message.find("|g| = ");
-  if (numbers) {
-    ASSERT_NE(at, std::string::npos) << s.message;
-    ASSERT_EQ(std::sscanf(s.message.c_str() + at,
-                          "|g| = %lg %2[<=>] %lg",
-                          &left,
-                          relation,
-                          &right),
-              3)
-        << s.message;
-    if (s.reason == StopReason::CONVERGED) {
-      EXPECT_LE(left, right);
-    } else {
-      EXPECT_GT(left, right) << s.message;
-    }
-  }
-  // The point is what the summary says.
-  double cost;
-  std::vector<double> g(run.x.size());
-  Scales scales;
-  ASSERT_TRUE(f.EvaluateWithScales(run.x.data(), &cost, g.data(), &scales));
-  EXPECT_NEAR(cost, s.cost, 1e-10 * std::abs(cost));
-  const double slack = 1e-10 * s.max_gradient + 1e-13 * scales.gradient;
-  EXPECT_NEAR(MaxAbs(g), s.max_gradient, slack);
-}
-
 template <typename Watch>
 void ExpectCounted(const Watch& watch, const Summary& s) {
   // A point that is not finite is counted, and not shown to the function.
@@ -226,19 +156,8 @@ void ExpectCounted(const Watch& watch, const Summary& s) {
   EXPECT_EQ(s.counters.rebases, watch.rebases());
 }
 
-class Conformance : public testing::TestWithParam<std::string> {
+class WatchedConformance : public Conformance {
  protected:
-  const std::string& spec() const { return GetParam(); }
-  MethodTraits traits() const { return TraitsOf(spec()); }
-
-  // Fletcher & Reeves' rule creeps after one short step, as is well known
-  // (Nocedal, Wright, 2nd ed., p. 127); only a preconditioner near the Hessian
-  // helps.
-  bool Creeps() const {
-    return Contains(spec(), "ncg:") && Contains(spec(), "beta=fr") &&
-           (Contains(spec(), "=none") || Contains(spec(), "=laplacian"));
-  }
-
   // Runs on f under watch, with second derivatives if f has them.
   Result Watched(FirstOrderFunction* f,
                  const std::vector<double>& start,
@@ -265,13 +184,13 @@ class Conformance : public testing::TestWithParam<std::string> {
 };
 
 INSTANTIATE_TEST_SUITE_P(Methods,
-                         Conformance,
+                         WatchedConformance,
                          testing::ValuesIn(MethodSpecs(true)),
                          TestName);
 
 // ---- functions with a formula -----------------------------------------------
 
-TEST_P(Conformance, ConvexQuadratic) {
+TEST_P(WatchedConformance, ConvexQuadratic) {
   for (const double condition : {1e3, 1e6}) {
     SCOPED_TRACE(condition);
     if (condition > traits().condition) continue;
@@ -300,7 +219,7 @@ TEST_P(Conformance, ConvexQuadratic) {
   }
 }
 
-TEST_P(Conformance, Rosenbrock) {
+TEST_P(WatchedConformance, Rosenbrock) {
   Rosenbrock f;
   if (!Supports(spec(), f)) return;
   const Result run = Watched(&f, kRosenbrockStart, Tolerance(1e-8));
@@ -311,7 +230,7 @@ TEST_P(Conformance, Rosenbrock) {
 }
 
 // Without scales a length is not known; an absolute tolerance ends the run.
-TEST_P(Conformance, FunctionWithoutScales) {
+TEST_P(WatchedConformance, FunctionWithoutScales) {
   Quadratic quadratic(20, 1e2);
   Unscaled f(&quadratic);
   if (!Supports(spec(), f)) return;
@@ -325,7 +244,7 @@ TEST_P(Conformance, FunctionWithoutScales) {
 }
 
 // The relative tolerance of such a function is 0.
-TEST_P(Conformance, FunctionWithoutScalesNorTolerance) {
+TEST_P(WatchedConformance, FunctionWithoutScalesNorTolerance) {
   Quadratic quadratic(20, 1e2);
   Unscaled f(&quadratic);
   if (!Supports(spec(), f)) return;
@@ -337,7 +256,7 @@ TEST_P(Conformance, FunctionWithoutScalesNorTolerance) {
   EXPECT_LE(run.summary.max_gradient, 1e-6);
 }
 
-TEST_P(Conformance, UnboundedFunctionEndsByBudget) {
+TEST_P(WatchedConformance, UnboundedFunctionEndsByBudget) {
   for (const bool has_scales : {true, false}) {
     Linear f(has_scales);
     if (!Supports(spec(), f)) return;
@@ -357,7 +276,7 @@ TEST_P(Conformance, UnboundedFunctionEndsByBudget) {
 }
 
 // Variables far from zero: the origin moves, and nothing else does.
-TEST_P(Conformance, RebasesWhereRoundingLimits) {
+TEST_P(WatchedConformance, RebasesWhereRoundingLimits) {
   Quadratic quadratic(20, 1e2);
   Offset f(&quadratic, 1e8, /*can_rebase=*/true);
   if (!Supports(spec(), f)) return;
@@ -377,7 +296,7 @@ TEST_P(Conformance, RebasesWhereRoundingLimits) {
             1.3 * plain.summary.counters.iterations + 30);
 }
 
-TEST_P(Conformance, NoRebaseWhereNoneIsPossible) {
+TEST_P(WatchedConformance, NoRebaseWhereNoneIsPossible) {
   Quadratic quadratic(20, 1e2);
   Offset f(&quadratic, 1e8);
   if (!Supports(spec(), f)) return;
@@ -393,7 +312,7 @@ TEST_P(Conformance, NoRebaseWhereNoneIsPossible) {
 // ---- functions that misbehave -----------------------------------------------
 
 // NaN in one evaluation: taken back, or said.
-TEST_P(Conformance, NanOnce) {
+TEST_P(WatchedConformance, NanOnce) {
   for (int bad = 2; bad <= 9; ++bad) {
     SCOPED_TRACE(bad);
     Chain chain(20, 1e2);
@@ -417,7 +336,7 @@ TEST_P(Conformance, NanOnce) {
 }
 
 // NaN from the third evaluation on.
-TEST_P(Conformance, NanFromTheThirdEvaluationOn) {
+TEST_P(WatchedConformance, NanFromTheThirdEvaluationOn) {
   Chain chain(20, 1e2);
   if (!Supports(spec(), chain)) return;
   const std::vector<double> start(20, 0.0);
@@ -441,7 +360,7 @@ TEST_P(Conformance, NanFromTheThirdEvaluationOn) {
   EXPECT_EQ(run.summary.message, "gradient[17] = nan at evaluation 3");
 }
 
-TEST_P(Conformance, NanAtTheStart) {
+TEST_P(WatchedConformance, NanAtTheStart) {
   Chain chain(20, 1e2);
   if (!Supports(spec(), chain)) return;
   const std::vector<double> start(20, 0.25);
@@ -471,7 +390,7 @@ class Soft : public Chain {
 
 // Not defined, or infinite, outside of a valley that the start is at the rim
 // of. Every descent stays inside; a step that is too long does not.
-TEST_P(Conformance, RegionThatIsNotDefined) {
+TEST_P(WatchedConformance, RegionThatIsNotDefined) {
   for (const bool refuses : {true, false}) {
     SCOPED_TRACE(refuses ? "refuses" : "infinite");
     Soft f(20, 1e2);
@@ -500,7 +419,7 @@ TEST_P(Conformance, RegionThatIsNotDefined) {
 }
 
 // A wall across the way down: the best point before it is returned.
-TEST_P(Conformance, WallAcrossTheWay) {
+TEST_P(WatchedConformance, WallAcrossTheWay) {
   Chain chain(20, 1e2);
   if (!Supports(spec(), chain)) return;
   const std::vector<double> start(20, 0.0);
@@ -519,7 +438,7 @@ TEST_P(Conformance, WallAcrossTheWay) {
 
 // ---- budgets ----------------------------------------------------------------
 
-TEST_P(Conformance, EvaluationsAreNotExceeded) {
+TEST_P(WatchedConformance, EvaluationsAreNotExceeded) {
   Chain chain(20, 1e4);
   if (!Supports(spec(), chain)) return;
   const std::vector<double> start(20, 0.0);
@@ -539,7 +458,7 @@ TEST_P(Conformance, EvaluationsAreNotExceeded) {
 }
 
 // Also where preconditioners and new origins take evaluations.
-TEST_P(Conformance, EvaluationsAreNotExceededOnAPacking) {
+TEST_P(WatchedConformance, EvaluationsAreNotExceededOnAPacking) {
   Packing packing = ReadData("n64_jammed.xyz");
   packing.ScaleRadii(1.001);
   for (int budget = 1; budget <= 40; ++budget) {
@@ -561,7 +480,7 @@ TEST_P(Conformance, EvaluationsAreNotExceededOnAPacking) {
   }
 }
 
-TEST_P(Conformance, IterationsAreNotExceeded) {
+TEST_P(WatchedConformance, IterationsAreNotExceeded) {
   Chain chain(20, 1e4);
   if (!Supports(spec(), chain)) return;
   const std::vector<double> start(20, 0.0);
@@ -578,7 +497,7 @@ TEST_P(Conformance, IterationsAreNotExceeded) {
   }
 }
 
-TEST_P(Conformance, NoTimeAtAll) {
+TEST_P(WatchedConformance, NoTimeAtAll) {
   Chain chain(20, 1e4);
   if (!Supports(spec(), chain)) return;
   SolveOptions options;
@@ -591,7 +510,7 @@ TEST_P(Conformance, NoTimeAtAll) {
   ExpectSound(chain, start, run);
 }
 
-TEST_P(Conformance, CallbackStopsAndSeesWhatThereIs) {
+TEST_P(WatchedConformance, CallbackStopsAndSeesWhatThereIs) {
   Chain chain(20, 1e4);
   if (!Supports(spec(), chain)) return;
   for (const int stop : {0, 1, 4}) {
@@ -613,210 +532,6 @@ TEST_P(Conformance, CallbackStopsAndSeesWhatThereIs) {
     EXPECT_EQ(run.summary.counters.iterations, stop);
     EXPECT_EQ(calls, stop + 1);
     ExpectSound(chain, start, run);
-  }
-}
-
-// ---- packings ---------------------------------------------------------------
-
-TEST_P(Conformance, Packings) {
-  for (const double alpha : {2.0, 2.5}) {
-    SCOPED_TRACE(alpha);
-    Packing packing =
-        ReadData(alpha == 2.0 ? "n256_phi0.8438_a2_relaxed.xyz"
-                              : "n256_phi0.8438_a2.5_relaxed.xyz");
-    packing.Deform(SimpleShear(2, 1e-4));
-    const auto energy = MakeEnergy(packing, alpha);
-    if (!Supports(spec(), *energy)) return;
-    const std::vector<double> start(energy->NumParameters(), 0.0);
-    const Result run =
-        Minimize(spec(), energy.get(), start, Tolerance(traits().tolerance));
-    EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
-        << run.summary.BriefReport();
-    ExpectSound(*energy, start, run);
-  }
-}
-
-// Ten percent above jamming from a random start, with rattlers on the way, and
-// a packing at jamming that has them.
-TEST_P(Conformance, PackingsWithRattlers) {
-  Packing packing = ReadData("n64_jammed.xyz");
-  packing.ScaleRadii(1.0 + 1e-5);
-  packing.Perturb(1e-6, 3);
-  const auto energy = MakeEnergy(packing, 2.0);
-  if (!Supports(spec(), *energy)) return;
-  const std::vector<double> start(energy->NumParameters(), 0.0);
-  const Result run =
-      Minimize(spec(), energy.get(), start, Tolerance(traits().tolerance));
-  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
-      << run.summary.BriefReport();
-  ExpectSound(*energy, start, run);
-}
-
-// A thousand mean overlaps away from a packing at jamming: the reference is
-// moved along, and forces balance as quadruple precision sees them.
-TEST_P(Conformance, FarFromTheReferenceNearJamming) {
-  Packing packing = ReadData("n64_jammed.xyz");
-  packing.Perturb(1e-6, 3);
-  const auto energy = MakeEnergy(packing, 2.0);
-  if (!Supports(spec(), *energy)) return;
-  const std::vector<double> start(energy->NumParameters(), 0.0);
-  const Result run = Minimize(spec(), energy.get(), start, Tolerance(1e-11));
-  ExpectSound(*energy, start, run);
-  EXPECT_GT(run.summary.counters.recenters, 0);
-  if (traits().foreign || Creeps()) return;
-  EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
-  if (run.summary.reason != StopReason::CONVERGED) return;
-  QuadResidual judged;
-  std::string error;
-  ASSERT_TRUE(EvaluateQuad(
-      energy->Configuration(run.x.data()), {}, nullptr, &judged, &error));
-  EXPECT_LE(judged.Relative(), 1.2e-11);
-}
-
-TEST_P(Conformance, RandomStart) {
-  if (Creeps()) return;
-  const auto energy = MakeEnergy(RandomPacking(2, 64, 0.9, 11), 2.0);
-  if (!Supports(spec(), *energy)) return;
-  const std::vector<double> start(energy->NumParameters(), 0.0);
-  const Result run =
-      Minimize(spec(), energy.get(), start, Tolerance(traits().tolerance));
-  ExpectSound(*energy, start, run);
-  if (traits().small_loads_only) {
-    // It must know, and leave the best that it has seen.
-    EXPECT_TRUE(run.summary.Succeeded() ||
-                run.summary.reason == StopReason::NO_PROGRESS);
-    EXPECT_LE(run.summary.counters.factorizations, 60);
-    return;
-  }
-  EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
-}
-
-TEST_P(Conformance, NoContactsAtTheStartHasVanished) {
-  Packing packing = ReadData("n64_jammed.xyz");
-  packing.ScaleRadii(0.99);
-  const auto energy = MakeEnergy(packing, 2.0);
-  if (!Supports(spec(), *energy)) return;
-  std::vector<double> start = RandomVector(energy->NumParameters(), 1e-9, 4);
-  const Result run = Minimize(spec(), energy.get(), start);
-  EXPECT_EQ(run.summary.reason, StopReason::VANISHED);
-  EXPECT_EQ(run.summary.message, "cost = 0 exactly after 0 iterations");
-  EXPECT_TRUE(SameBits(run.x, start));
-  EXPECT_EQ(run.summary.counters.evaluations, 1);
-}
-
-// Below jamming the energy goes to zero.
-TEST_P(Conformance, DilutePackingVanishes) {
-  const auto energy = MakeEnergy(RandomPacking(2, 64, 0.5, 5), 2.0);
-  if (!Supports(spec(), *energy)) return;
-  const std::vector<double> start(energy->NumParameters(), 0.0);
-  const Result run = Minimize(spec(), energy.get(), start, Tolerance(1e-10));
-  EXPECT_EQ(run.summary.reason, StopReason::VANISHED)
-      << run.summary.BriefReport();
-  ExpectSound(*energy, start, run);
-}
-
-TEST_P(Conformance, OneGrain) {
-  for (const double radius : {0.3, 0.6}) {
-    Eigen::MatrixXd positions(2, 1);
-    positions << 0.25, 0.5;
-    const Packing packing = MakePacking(Box::Cube(2, 1.0), positions, {radius});
-    const auto energy = MakeEnergy(packing, 2.0);
-    if (!Supports(spec(), *energy)) return;
-    const std::vector<double> start = {0.0, 0.0};
-    const Result run = Minimize(spec(), energy.get(), start);
-    EXPECT_EQ(run.summary.reason,
-              radius == 0.3 ? StopReason::VANISHED : StopReason::CONVERGED)
-        << run.summary.BriefReport();
-    EXPECT_TRUE(SameBits(run.x, start));
-    ExpectSound(*energy, start, run);
-  }
-}
-
-// Two grains in line with their own images: forces cancel exactly where a small
-// step aside would lower the energy.
-TEST_P(Conformance, SaddleIsLeftAlone) {
-  Eigen::MatrixXd positions(2, 2);
-  positions << 0.25, 0.75, 0.5, 0.5;
-  const Packing packing = MakePacking(Box::Cube(2, 1.0), positions, {0.3, 0.3});
-  const auto energy = MakeEnergy(packing, 2.0);
-  if (!Supports(spec(), *energy)) return;
-  const std::vector<double> start(4, 0.0);
-  const Result run = Minimize(spec(), energy.get(), start);
-  EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
-      << run.summary.BriefReport();
-  EXPECT_EQ(run.summary.max_gradient, 0.0);
-  EXPECT_GT(run.summary.cost, 0.0);
-  EXPECT_EQ(run.summary.counters.evaluations, 1);
-  EXPECT_TRUE(SameBits(run.x, start));
-  ExpectSound(*energy, start, run);
-}
-
-// Beside it: away it goes.
-TEST_P(Conformance, SaddleIsLeft) {
-  Eigen::MatrixXd positions(2, 2);
-  positions << 0.25, 0.75, 0.5, 0.501;
-  const Packing packing = MakePacking(Box::Cube(2, 1.0), positions, {0.3, 0.3});
-  const auto energy = MakeEnergy(packing, 2.0);
-  if (!Supports(spec(), *energy)) return;
-  const std::vector<double> start(4, 0.0);
-  const Result run = Minimize(spec(), energy.get(), start, Tolerance(1e-10));
-  EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
-  ExpectSound(*energy, start, run);
-  EXPECT_LT(run.summary.cost, 0.5 * run.summary.initial_cost);
-}
-
-// Asked for more than there is, a method ends by itself, soon after it has got
-// all there is.
-TEST_P(Conformance, ToleranceZeroEndsByItself) {
-  Packing packing = ReadData("n64_jammed.xyz");
-  packing.ScaleRadii(1.0 + 1e-4);
-  packing.Perturb(1e-5, 3);
-  const auto energy = MakeEnergy(packing, 2.0);
-  if (!Supports(spec(), *energy)) return;
-  const std::vector<double> start(energy->NumParameters(), 0.0);
-  SolveOptions options;
-  options.relative_tolerance = 0.0;
-  options.max_evaluations = 30000;
-  const Result run = Minimize(spec(), energy.get(), start, options);
-  ExpectSound(*energy, start, run);
-  if (traits().foreign) return;
-  EXPECT_LE(run.summary.max_gradient, 1e-12 * run.summary.scales.gradient)
-      << run.summary.BriefReport();
-  if (run.summary.Succeeded()) return;  // exactly zero
-  EXPECT_EQ(run.summary.reason, StopReason::NO_PROGRESS)
-      << run.summary.BriefReport();
-}
-
-// ---- the last digits --------------------------------------------------------
-
-// Near jamming, to 1e-12 mean forces as quadruple precision sees the packing
-// that was written.
-TEST(Methods, BalanceForcesNearJammingAsTheJudgeSees) {
-  for (const char* spec :
-       {"lbfgs", "fire", "newton", "newton:subproblem=truncated"}) {
-    SCOPED_TRACE(spec);
-    Packing packing = ReadData("n1024_a2_p1e-08.xyz");
-    packing.Perturb(1e-9 * packing.box.Length(), 1);
-    const auto energy = MakeEnergy(packing, 2.0);
-    const Result run =
-        Minimize(spec,
-                 energy.get(),
-                 std::vector<double>(energy->NumParameters(), 0.0),
-                 Tolerance(5e-13));
-    EXPECT_EQ(run.summary.reason, StopReason::CONVERGED)
-        << run.summary.BriefReport();
-    const std::string path = testing::TempDir() + "granopt_conformance_" +
-                             std::string(spec, 4) + ".xyz";
-    std::string error;
-    ASSERT_TRUE(WritePacking(path, energy->Configuration(run.x.data()), &error))
-        << error;
-    Packing back;
-    ASSERT_TRUE(ReadPacking(path, &back, &error)) << error;
-    std::remove(path.c_str());
-    QuadResidual judged;
-    ASSERT_TRUE(EvaluateQuad(back, {}, nullptr, &judged, &error)) << error;
-    EXPECT_LE(judged.Relative(), 1e-12);
-    EXPECT_GT(judged.contacts, 1900);
   }
 }
 

@@ -8,11 +8,12 @@
 #include <vector>
 
 #include "Eigen/Dense"
-#include "granular/packing_io.h"
+#include "granular/force_network.h"
 #include "gtest/gtest.h"
 #include "solvers/condition.h"
 #include "solvers/monitor.h"
 #include "solvers/preconditioner.h"
+#include "tests/granular/test_packings.h"
 
 namespace granopt {
 namespace {
@@ -29,13 +30,6 @@ Packing Row(const std::vector<double>& x) {
   packing.radii.setConstant(n, 0.1);
   for (int i = 0; i < n; ++i) packing.positions(0, i) = x[i];
   return packing;
-}
-
-std::unique_ptr<ContactEnergy> Energy(const Packing& packing) {
-  std::string error;
-  auto energy = ContactEnergy::Create(packing, {}, &error);
-  EXPECT_NE(energy, nullptr) << error;
-  return energy;
 }
 
 TEST(ContactChanges, ComparesSetsOfPairs) {
@@ -103,10 +97,8 @@ class Jammed : public testing::Test {
  protected:
   void SetUp() override { Load("n64_jammed.xyz"); }
   void Load(const std::string& name) {
-    std::string error;
-    ASSERT_TRUE(ReadPacking(GRANOPT_TEST_DATA "/" + name, &packing_, &error))
-        << error;
-    energy_ = Energy(packing_);
+    packing_ = ReadData(name);
+    energy_ = MakeEnergy(packing_, 2.0);
     zero_.assign(energy_->NumParameters(), 0.0);
     contacts_ = energy_->Contacts(zero_.data());
     double cost = 0.0;
@@ -211,7 +203,7 @@ TEST_F(Jammed, LinearResponseIsNewtonsStepOfASmallStrain) {
       ComputeNewtonStep(*energy_, zero_.data(), counts_, &rest, &error));
   Packing deformed = packing_;
   deformed.Deform(SimpleShear(2, strain));
-  const auto energy = Energy(deformed);
+  const auto energy = MakeEnergy(deformed, 2.0);
   ASSERT_TRUE(
       ComputeNewtonStep(*energy, zero_.data(), counts_, &newton, &error));
   ASSERT_EQ(PairsInTouch(energy->Contacts(zero_.data()), counts_),

@@ -63,6 +63,44 @@ TEST(DampedMotion, IsOfSecondOrder) {
   EXPECT_NEAR(errors[1] / errors[2], 4.0, 0.2);
 }
 
+// Masses are areas or volumes, every velocity decays alike, and the unit of
+// time is that of the mean mass on the stiffest contact: the relative motion is
+// an oscillator of the reduced mass, and the centre of mass stays.
+TEST(DampedMotion, UnequalGrainsHaveTheirMassesAndStiffnesses) {
+  for (const int d : {2, 3}) {
+    SCOPED_TRACE(d);
+    Eigen::MatrixXd x = Eigen::MatrixXd::Constant(d, 2, 0.5);
+    x(0, 0) = 0.3;
+    x(0, 1) = 0.6 - 1e-4;
+    Packing packing = MakePacking(Box::Cube(d, 1.0), x, {0.1, 0.2});
+    packing.stiffness.resize(2);
+    packing.stiffness << 1.0, 2.0;
+    DampedMotionOptions options;
+    options.energy.stiffness = 3.0;
+    options.damping = 5.0;
+    options.time_step = 0.002;
+    options.tolerance = options.vanishing_tolerance = 0.0;
+    options.max_steps = 500;
+    Relaxation result;
+    std::string error;
+    ASSERT_TRUE(RelaxByDampedMotion(packing, options, &result, &error));
+    // In units of m / (3 * 2): delta'' = -w2 delta - 5 delta' from rest with
+    // k_01 = 3 * (1 + 2) / 2.
+    const double m0 = 1.0, m1 = std::pow(2.0, d);
+    const double w2 = 4.5 / 6.0 * 0.5 * (m0 + m1) * (1.0 / m0 + 1.0 / m1);
+    const double root = std::sqrt(6.25 - w2);
+    const double a = -2.5 + root, b = -2.5 - root;
+    const double exact = 1e-4 * (a * std::exp(b) - b * std::exp(a)) / (a - b);
+    ASSERT_EQ(result.contacts.size(), 1u);
+    EXPECT_NEAR(result.contacts[0].overlap, exact, 2e-5 * exact);
+    const auto moved = [&](int i) {
+      return (result.packing.Position(i, 0) - packing.Position(i, 0)).Value();
+    };
+    EXPECT_LT(moved(0), -1e-6);
+    EXPECT_NEAR(m0 * moved(0), -m1 * moved(1), 1e-12 * moved(1));
+  }
+}
+
 // Remark 1.1 for a small load: the same state as by minimization.
 TEST(DampedMotion, ComesToRestWhereAMinimizerDoes) {
   Packing packing = ReadData("n256_phi0.8438_a2_relaxed.xyz");
@@ -101,6 +139,13 @@ TEST(DampedMotion, SaysWhyItEnds) {
   ASSERT_TRUE(RelaxByDampedMotion(
       RandomPacking(2, 64, 0.9, 3), options, &result, &error));
   EXPECT_EQ(result.summary.reason, StopReason::MAX_ITERATIONS);
+  // The last point where the energy is defined is what is left.
+  options.time_step = 1e12;
+  ASSERT_TRUE(RelaxByDampedMotion(
+      RandomPacking(2, 64, 0.9, 3), options, &result, &error));
+  EXPECT_EQ(result.summary.reason, StopReason::EVALUATION_FAILED);
+  EXPECT_TRUE(result.packing.IsValid(&error)) << error;
+  EXPECT_EQ(result.summary.counters.iterations, 1);
   options.time_step = 0.0;
   EXPECT_FALSE(RelaxByDampedMotion(loose, options, &result, &error));
   EXPECT_NE(error.find("time_step = 0"), std::string::npos) << error;

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "granular/random.h"
 #include "gtest/gtest.h"
+#include "solvers/random.h"
 #include "tests/granular/test_packings.h"
 
 namespace granopt {
@@ -232,11 +232,7 @@ TEST(Distributions, UnitsDoNotMatter) {
   Packing packing = ReadData("n64_jammed.xyz");
   const JammingSamples s = Collect(packing, 0.3);
   // Lengths in units of 2^5 and energies of 2^-7: the same bits.
-  Packing other = packing;
-  other.box = Box(32.0 * packing.box.edges());
-  other.positions *= 32.0;
-  other.positions_low *= 32.0;
-  other.radii *= 32.0;
+  Packing other = WithLengths(5, packing);
   other.stiffness =
       Eigen::VectorXd::Constant(other.size(), std::ldexp(1.0, -7));
   const JammingSamples t = Collect(other, 0.3);

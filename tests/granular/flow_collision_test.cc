@@ -4,8 +4,8 @@
 
 #include "granular/flow/collision.h"
 #include "granular/flow/near_field_loops.h"
-#include "granular/random.h"
 #include "gtest/gtest.h"
+#include "solvers/random.h"
 
 namespace granopt {
 namespace {

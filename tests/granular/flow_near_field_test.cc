@@ -4,9 +4,9 @@
 #include <vector>
 
 #include "granular/flow/near_field.h"
-#include "granular/random.h"
 #include "gtest/gtest.h"
 #include "solvers/instruction_set.h"
+#include "solvers/random.h"
 #include "solvers/threads.h"
 
 namespace granopt {

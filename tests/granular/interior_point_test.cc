@@ -19,10 +19,6 @@
 namespace granopt {
 namespace {
 
-std::vector<double> Zero(const FirstOrderFunction& function) {
-  return std::vector<double>(function.NumParameters(), 0.0);
-}
-
 Result Relax(const std::string& spec,
              const Packing& packing,
              double alpha,
@@ -167,7 +163,6 @@ TEST(InteriorPoint, ClosuresSurviveNewLists) {
   EXPECT_NEAR(run.summary.cost, kept.summary.cost, 1e-12 * kept.summary.cost);
 }
 
-// ---- methods in turn
 TEST(InteriorPoint, NamesTheMemoryThatItMayNotTake) {
   const Packing packing = Sheared("n1024_a2_p1e-04.xyz", 1e-6);
   const Result run =
@@ -219,7 +214,7 @@ TEST(InteriorPoint, TakesPatternsWithoutADiagonal) {
   EXPECT_NEAR(run.summary.cost, plain.summary.cost, 1e-9 * plain.summary.cost);
 }
 
-// ----------------------------------------------------------
+// ---- methods in turn ----
 
 TEST(SolverSequence, TheNextGoesOnWhereOneGaveUp) {
   const Packing packing = RandomPacking(2, 64, 0.9, 11);

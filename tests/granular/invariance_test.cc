@@ -53,16 +53,6 @@ struct Units {
   int a = 0, b = 0;
 };
 
-Packing InUnits(const Packing& packing, const Units& units) {
-  const double length = std::ldexp(1.0, units.b);
-  Packing scaled = packing;
-  scaled.box = Box(length * packing.box.edges());
-  scaled.positions *= length;
-  scaled.positions_low *= length;
-  scaled.radii *= length;
-  return scaled;
-}
-
 // E = sum k delta^alpha / alpha grows by 2^a with k by 2^(a - alpha b).
 ContactEnergyOptions InUnits(double alpha, const Units& units) {
   ContactEnergyOptions options;
@@ -141,8 +131,10 @@ void ExpectSameInOtherUnits(const std::string& spec,
                  std::to_string(units.a) + ", lengths 2^" +
                  std::to_string(units.b) +
                  ", dphi = " + std::to_string(load.dphi));
-    const Record other = Follow(
-        spec, InUnits(packing, units), InUnits(alpha, units), kIterations);
+    const Record other = Follow(spec,
+                                WithLengths(units.b, packing),
+                                InUnits(alpha, units),
+                                kIterations);
     const double energy = std::ldexp(1.0, units.a);
     const double length = std::ldexp(1.0, units.b);
     for (std::size_t k = 0;
@@ -241,8 +233,8 @@ TEST_P(InvarianceTest, AnyLawIsTheSameUpToRounding) {
   const Units units = {-13, 5};
   const Packing packing = Loaded(kLoads[1]);
   const Record plain = Follow(GetParam(), packing, InUnits(alpha, {0, 0}), 6);
-  const Record other =
-      Follow(GetParam(), InUnits(packing, units), InUnits(alpha, units), 6);
+  const Record other = Follow(
+      GetParam(), WithLengths(units.b, packing), InUnits(alpha, units), 6);
   ASSERT_EQ(plain.steps.size(), other.steps.size());
   ASSERT_EQ(plain.steps.size(), 7u);
   double size = 0.0;

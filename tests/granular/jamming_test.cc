@@ -7,10 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "granular/packing_generator.h"
 #include "granular/quad_residual.h"
 #include "gtest/gtest.h"
-#include "solvers/registry.h"
+#include "tests/granular/test_packings.h"
 
 namespace granopt {
 namespace {
@@ -18,11 +17,7 @@ namespace {
 constexpr double kPi = 3.14159265358979323846;
 
 std::unique_ptr<Solver> DefaultSolver() {
-  std::string error;
-  std::unique_ptr<Solver> solver =
-      CreateSolver("ceres_lbfgs:scaled=1,differences=1,restarts=10", &error);
-  EXPECT_NE(solver, nullptr) << error;
-  return solver;
+  return MakeSolver("ceres_lbfgs:scaled=1,differences=1,restarts=10");
 }
 
 JammingOptions Options(double phi_init, double epsilon, double error_bar) {
@@ -264,6 +259,30 @@ TEST(Jamming, EverySeedEndsAtItsOwnJammingPoint) {
     // p is linear in phi - phi_J: the slope p' of a branch is of order k.
     EXPECT_NEAR(o.pressure / result.distance, 0.4, 0.2);
   }
+}
+
+// As the experiment does it: `jamming --particles=96 --seed=25`.
+TEST(Jamming, TheExperimentConvergesWithAuto) {
+  GeneratorOptions generator;
+  generator.particles = 96;
+  generator.seed = 25;
+  Packing start;
+  std::string error;
+  ASSERT_TRUE(GeneratePacking(generator, &start, &error)) << error;
+  JammingOptions options;
+  options.overcompression = 1e-3;
+  options.until_isostatic = true;
+  options.solve.relative_tolerance = 1e-8;
+  options.solve.vanishing_tolerance = 1e-9;
+  JammingResult result;
+  ASSERT_TRUE(FindJamming(
+      start, options, *MakeSolver("auto"), nullptr, &result, &error))
+      << error;
+  EXPECT_TRUE(result.converged) << result.distance;
+  EXPECT_EQ(result.jammed.summary.reason, StopReason::CONVERGED)
+      << result.jammed.summary.BriefReport();
+  const Observables& o = result.jammed.observables;
+  EXPECT_EQ(o.rigid_contacts, o.isostatic_contacts);
 }
 
 TEST(Jamming, ErrorBarIsTheDistanceToTheBranchEnd) {

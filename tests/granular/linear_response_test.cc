@@ -2,10 +2,9 @@
 
 #include <cmath>
 
-#include "granular/packing_io.h"
 #include "granular/relaxation.h"
 #include "gtest/gtest.h"
-#include "solvers/registry.h"
+#include "tests/granular/test_packings.h"
 
 namespace granopt {
 namespace {
@@ -32,15 +31,6 @@ ContactEnergyOptions Law(double alpha) {
   ContactEnergyOptions law;
   law.alpha = alpha;
   return law;
-}
-
-Packing File(const std::string& name) {
-  Packing packing;
-  std::string error;
-  EXPECT_TRUE(ReadPacking(
-      std::string(GRANOPT_TEST_DATA) + "/" + name, &packing, &error))
-      << error;
-  return packing;
 }
 
 Relaxation Relaxed(const Packing& start, double alpha) {
@@ -93,7 +83,7 @@ TEST(LinearResponse, HasTheSymmetriesOfAnElasticTensor) {
   for (const char* name : {"n256_phi0.8438_a2_relaxed.xyz",
                            "n1024_a2_p1e-04.xyz",
                            "n64_3d_jammed.xyz"}) {
-    const Relaxation state = Relaxed(File(name), 2.0);
+    const Relaxation state = Relaxed(ReadData(name), 2.0);
     const ElasticResponse r = ComputeElasticResponse(state.packing, Law(2.0));
     ASSERT_TRUE(r.found) << name << ": " << r.message;
     const int d = r.dimension;
@@ -176,18 +166,18 @@ void ExpectDifferences(const Packing& start, double alpha, double h) {
 }
 
 TEST(LinearResponse, IsTheLimitOfSmallStrains) {
-  ExpectDifferences(File("n256_phi0.8438_a2_relaxed.xyz"), 2.0, 1e-9);
-  ExpectDifferences(File("n256_phi0.8438_a2.5_relaxed.xyz"), 2.5, 1e-9);
+  ExpectDifferences(ReadData("n256_phi0.8438_a2_relaxed.xyz"), 2.0, 1e-9);
+  ExpectDifferences(ReadData("n256_phi0.8438_a2.5_relaxed.xyz"), 2.5, 1e-9);
 }
 
 TEST(LinearResponse, OfSpheresIsTheLimitOfSmallStrains) {
-  Packing packing = File("n64_3d_jammed.xyz");
+  Packing packing = ReadData("n64_3d_jammed.xyz");
   packing.ScaleRadii(1.01);
   ExpectDifferences(packing, 2.0, 1e-8);
 }
 
 TEST(LinearResponse, KeepsItsBitsInOtherUnits) {
-  const Packing packing = File("n256_phi0.8438_a2_relaxed.xyz");
+  const Packing packing = ReadData("n256_phi0.8438_a2_relaxed.xyz");
   const ElasticResponse r = ComputeElasticResponse(packing, Law(2.0));
   Packing other = packing;
   const double length = 0x1p-20;

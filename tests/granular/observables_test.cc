@@ -14,15 +14,7 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 
-Observables MeasureAtRest(const Packing& packing, double alpha) {
-  const auto energy = MakeEnergy(packing, alpha);
-  const std::vector<double> zero(energy->NumParameters(), 0.0);
-  return Measure(
-      packing, energy->Contacts(zero.data()), Evaluate(*energy).energy);
-}
-
 // ---- states made elsewhere
-// ------------------------------------------------------
 
 struct KnownState {
   const char* file;
@@ -114,7 +106,6 @@ TEST(Observables, ResidualAndMeansAreThoseOfTheGradient) {
 }
 
 // ---- lattices
-// -------------------------------------------------------------------
 
 // Hexagonal: three bonds a grain, sum n (x) n = 3/2, so that F = 2 v (3/2) N /
 // V = 3 phi; fcc: six bonds, sum n (x) n = 2, F = 4 phi. The stress is p.
@@ -202,7 +193,6 @@ TEST(Observables, SimpleShearStressIsMinusSigma12) {
 }
 
 // ---- the rigid part
-// -------------------------------------------------------------
 
 // N grains and the contacts named, all of unit force along x: only who touches
 // whom matters below.
@@ -373,7 +363,6 @@ TEST(Observables, APackingWithoutContactsIsAllZero) {
 }
 
 // ---- tensors and volumes
-// --------------------------------------------------------
 
 TEST(Observables, SplitTensorHalvesSumAndDifferenceOfTheEigenvalues) {
   UniformRandom random(3);

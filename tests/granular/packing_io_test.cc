@@ -21,8 +21,8 @@
 #include <vector>
 
 #include "granular/atomic_file.h"
-#include "granular/random.h"
 #include "gtest/gtest.h"
+#include "solvers/random.h"
 
 namespace granopt {
 namespace {

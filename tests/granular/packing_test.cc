@@ -33,7 +33,6 @@ Packing Generate(const GeneratorOptions& options) {
 }
 
 // ---- generator
-// ------------------------------------------------------------------
 
 TEST(PackingGenerator, DrawsTheExactNumberOfEachSpecies) {
   const auto count = [](const Packing& packing) {
@@ -272,7 +271,6 @@ TEST(PackingGenerator, RefusesOptionsOutOfRangeInOneLine) {
 }
 
 // ---- packings
-// -------------------------------------------------------------------
 
 TEST(Packing, DeformMovesPositionsAndCellInDoubleDouble) {
   for (const int d : {2, 3}) {
@@ -511,7 +509,6 @@ TEST(Packing, IsValidNamesTheGrainAndTheValueAtFault) {
 }
 
 // ---- cells
-// ----------------------------------------------------------------------
 
 TEST(Box, VolumeHeightsAndImages) {
   const Box sheared(Matrix2(2.0, 1.5, 0.0, 3.0));

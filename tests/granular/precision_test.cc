@@ -88,11 +88,7 @@ TEST(Precision, PowersOfTwoScaleBitForBit) {
       Evaluate(*MakeEnergy(packing, With(Precision::FLOAT, 2.0)));
   for (const int a : {-200, 0, 200}) {
     for (const int b : {-120, 1, 120}) {
-      Packing other = packing;
-      const double length = std::ldexp(1.0, b);
-      other.box = Box(SmallMatrix(packing.box.edges() * length));
-      other.positions *= length;
-      other.radii *= length;
+      const Packing other = WithLengths(b, packing);
       ContactEnergyOptions options = With(Precision::FLOAT, 2.0);
       options.stiffness = std::ldexp(1.0, a);
       const Evaluation e = Evaluate(*MakeEnergy(other, options));

@@ -88,10 +88,6 @@ class Made {
   Evaluation at_;
 };
 
-std::vector<double> Zero(const ContactEnergy& energy) {
-  return std::vector<double>(energy.NumParameters(), 0.0);
-}
-
 MatrixXd Dense(const SparseMatrix& lower) {
   const MatrixXd dense(lower);
   return dense.selfadjointView<Eigen::Lower>();

@@ -8,20 +8,12 @@
 #include <vector>
 
 #include "Eigen/LU"
-#include "granular/cell_energy.h"
+#include "granular/constant_stress.h"
 #include "gtest/gtest.h"
-#include "solvers/registry.h"
 #include "tests/granular/test_packings.h"
 
 namespace granopt {
 namespace {
-
-std::unique_ptr<Solver> MakeSolver(const std::string& spec) {
-  std::string error;
-  std::unique_ptr<Solver> solver = CreateSolver(spec, &error);
-  EXPECT_NE(solver, nullptr) << error;
-  return solver;
-}
 
 QuasistaticShearOptions Options(double strain, int steps) {
   QuasistaticShearOptions options;

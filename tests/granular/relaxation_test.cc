@@ -7,30 +7,16 @@
 #include <vector>
 
 #include "granular/packing_generator.h"
-#include "granular/packing_io.h"
 #include "granular/quad_residual.h"
 #include "granular/spatial_order.h"
 #include "gtest/gtest.h"
-#include "solvers/registry.h"
+#include "tests/granular/test_packings.h"
 
 namespace granopt {
 namespace {
 
-std::unique_ptr<Solver> MakeSolver() {
-  std::string error;
-  auto solver =
-      CreateSolver("ceres_lbfgs:scaled=1,differences=1,restarts=10", &error);
-  EXPECT_NE(solver, nullptr) << error;
-  return solver;
-}
-
-Packing Read(const std::string& name) {
-  Packing packing;
-  std::string error;
-  EXPECT_TRUE(
-      ReadPacking(std::string(GRANOPT_TEST_DATA "/") + name, &packing, &error))
-      << error;
-  return packing;
+std::unique_ptr<Solver> DefaultSolver() {
+  return MakeSolver("ceres_lbfgs:scaled=1,differences=1,restarts=10");
 }
 
 // Displaced by a little, a packing finds back to the state that an independent
@@ -46,7 +32,7 @@ TEST(Relaxation, FindsBackToIndependentStatesExactly) {
                         Case{"n1024_a2_p1e-04.xyz", 2.0, 0.1},
                         Case{"n1024_a2_p1e-08.xyz", 2.0, 0.1}}) {
     SCOPED_TRACE(c.file);
-    const Packing state = Read(c.file);
+    const Packing state = ReadData(c.file);
     ContactEnergyOptions options;
     options.alpha = c.alpha;
     std::string error;
@@ -58,7 +44,7 @@ TEST(Relaxation, FindsBackToIndependentStatesExactly) {
     SolveOptions solve;
     solve.relative_tolerance = 1e-12;
     Relaxation result;
-    ASSERT_TRUE(Relax(start, options, *MakeSolver(), solve, &result, &error))
+    ASSERT_TRUE(Relax(start, options, *DefaultSolver(), solve, &result, &error))
         << error;
     EXPECT_EQ(result.summary.reason, StopReason::CONVERGED)
         << result.summary.BriefReport();
@@ -93,13 +79,13 @@ TEST(Relaxation, DilutePackingVanishes) {
     ASSERT_TRUE(GeneratePacking(generator, &start, &error));
     Relaxation result;
     ASSERT_TRUE(
-        Relax(start, {}, *MakeSolver(), SolveOptions(), &result, &error));
+        Relax(start, {}, *DefaultSolver(), SolveOptions(), &result, &error));
     EXPECT_EQ(result.summary.reason, StopReason::VANISHED)
         << result.summary.BriefReport();
     EXPECT_LT(result.observables.pressure, 1e-12);
     // At its end already: nothing to do.
     ASSERT_TRUE(Relax(
-        result.packing, {}, *MakeSolver(), SolveOptions(), &result, &error));
+        result.packing, {}, *DefaultSolver(), SolveOptions(), &result, &error));
     EXPECT_EQ(result.summary.reason, StopReason::VANISHED);
     EXPECT_EQ(result.summary.counters.iterations, 0);
   }
@@ -117,7 +103,7 @@ TEST(Relaxation, FewGrains) {
       ASSERT_TRUE(GeneratePacking(generator, &start, &error));
       Relaxation result;
       ASSERT_TRUE(
-          Relax(start, {}, *MakeSolver(), SolveOptions(), &result, &error));
+          Relax(start, {}, *DefaultSolver(), SolveOptions(), &result, &error));
       EXPECT_TRUE(result.summary.Succeeded())
           << n << " " << phi << ": " << result.summary.BriefReport();
       const Observables& o = result.observables;
@@ -145,7 +131,7 @@ TEST(Relaxation, AStepOfOnePeriodIsNoDecrease) {
     Relaxation result;
     std::string error;
     ASSERT_TRUE(Relax(
-        packing, options, *MakeSolver(), SolveOptions(), &result, &error));
+        packing, options, *DefaultSolver(), SolveOptions(), &result, &error));
     EXPECT_TRUE(result.summary.Succeeded()) << result.summary.BriefReport();
     // They end half a cell apart, touching on both sides.
     EXPECT_NEAR(
@@ -153,8 +139,6 @@ TEST(Relaxation, AStepOfOnePeriodIsNoDecrease) {
   }
 }
 
-// Energies times 2^a and lengths times 2^b: the whole run, not just an
-// evaluation, finds the scaled packing to the accuracy asked for.
 // Grains whose neighbours are anywhere in memory are put in order for the run:
 // the run of a generated packing, which is in order, bit by bit, and each grain
 // keeps its name.
@@ -188,7 +172,7 @@ TEST(Relaxation, ScatteredGrainsTakeTheRunOfThoseInOrderAndKeepTheirNames) {
     ContactEnergyOptions options;
     SolveOptions solve;
     solve.max_evaluations = 40;
-    const std::unique_ptr<Solver> solver = CreateSolver("fire", &error);
+    const std::unique_ptr<Solver> solver = MakeSolver("fire");
     Relaxation expected, result;
     ASSERT_TRUE(Relax(start, options, *solver, solve, &expected, &error));
     ASSERT_TRUE(Relax(scattered, options, *solver, solve, &result, &error));
@@ -217,24 +201,21 @@ TEST(Relaxation, ScatteredGrainsTakeTheRunOfThoseInOrderAndKeepTheirNames) {
   }
 }
 
+// Energies times 2^a and lengths times 2^b: the whole run, not just an
+// evaluation, finds the scaled packing to the accuracy asked for.
 TEST(Relaxation, ResultDoesNotDependOnUnits) {
-  const Packing packing = Read("n256_phi0.8438_a2_relaxed.xyz");
-  Packing start = packing;
+  Packing start = ReadData("n256_phi0.8438_a2_relaxed.xyz");
   start.Perturb(1e-5, 3);
-  const double length = std::ldexp(1.0, 20);
-  Packing scaled = start;
-  scaled.box = Box(length * start.box.edges());
-  scaled.positions *= length;
-  scaled.positions_low *= length;
-  scaled.radii *= length;
+  const Packing scaled = WithLengths(20, start);
   ContactEnergyOptions options, scaled_options;
   scaled_options.stiffness = std::ldexp(1.0, -60);
   SolveOptions solve;
   solve.relative_tolerance = 1e-12;
   Relaxation a, b;
   std::string error;
-  ASSERT_TRUE(Relax(start, options, *MakeSolver(), solve, &a, &error));
-  ASSERT_TRUE(Relax(scaled, scaled_options, *MakeSolver(), solve, &b, &error));
+  ASSERT_TRUE(Relax(start, options, *DefaultSolver(), solve, &a, &error));
+  ASSERT_TRUE(
+      Relax(scaled, scaled_options, *DefaultSolver(), solve, &b, &error));
   EXPECT_TRUE(a.summary.Succeeded());
   EXPECT_TRUE(b.summary.Succeeded());
   EXPECT_NEAR(b.observables.pressure,

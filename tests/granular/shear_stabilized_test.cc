@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "granular/cell_energy.h"
+#include "granular/constant_stress.h"
 #include "granular/linear_response.h"
 #include "gtest/gtest.h"
 #include "solvers/registry.h"

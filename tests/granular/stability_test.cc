@@ -76,7 +76,6 @@ Packing SquareLattice(int n, double a, double overlap) {
 }
 
 // ---- minima
-// ---------------------------------------------------------------------
 
 TEST(Stability, RelaxedPackingsAreCertified) {
   for (const char* file : {"n64_jammed.xyz",
@@ -254,7 +253,6 @@ TEST(Stability, ResidualsTooLargeForAProofAreNotCertified) {
 }
 
 // ---- what is no minimum
-// ---------------------------------------------------------------------
 
 // Sheared layers: e_y exp(i q x) has the eigenvalue -2 (f / l) (1 - cos q).
 TEST(Stability, ASquareLatticeUnderPressureIsASaddle) {
@@ -373,7 +371,6 @@ TEST(Stability, WithoutForcesNothingIsCertified) {
 }
 
 // ---- invariance
-// ---------------------------------------------------------------------
 
 void ExpectSame(const Certificate& a, const Certificate& b) {
   EXPECT_EQ(a.verdict, b.verdict);
@@ -395,12 +392,7 @@ TEST(Stability, OtherUnitsGiveTheScaledResult) {
     const Packing packing = ReadData(file);
     const Certificate c = CertifyAtRest(packing, 2.0);
     for (const auto& [a, b] : {std::pair(5, 0), {-40, 3}, {7, -21}}) {
-      const double length = std::ldexp(1.0, b);
-      Packing scaled = packing;
-      scaled.box = Box(SmallMatrix(length * packing.box.edges()));
-      scaled.positions *= length;
-      scaled.positions_low *= length;
-      scaled.radii *= length;
+      const Packing scaled = WithLengths(b, packing);
       ContactEnergyOptions options;
       options.stiffness = std::ldexp(1.0, a);
       const auto energy = MakeEnergy(scaled, options);

@@ -8,18 +8,10 @@
 
 #include "granular/linear_response.h"
 #include "gtest/gtest.h"
-#include "solvers/registry.h"
 #include "tests/granular/test_packings.h"
 
 namespace granopt {
 namespace {
-
-std::unique_ptr<Solver> MakeSolver(const std::string& spec) {
-  std::string error;
-  auto solver = CreateSolver(spec, &error);
-  EXPECT_NE(solver, nullptr) << error;
-  return solver;
-}
 
 QuasistaticShearState Relaxed(int d, const StressShearOptions& options) {
   QuasistaticShearState state;

@@ -14,11 +14,14 @@
 #include <vector>
 
 #include "granular/contact_energy.h"
+#include "granular/observables.h"
 #include "granular/packing.h"
 #include "granular/packing_generator.h"
 #include "granular/packing_io.h"
-#include "granular/random.h"
+#include "granular/quad_residual.h"
 #include "gtest/gtest.h"
+#include "solvers/random.h"
+#include "solvers/registry.h"
 
 namespace granopt {
 
@@ -27,7 +30,6 @@ using Quad = __float128;
 constexpr double kEps = std::numeric_limits<double>::epsilon();
 
 // ---- packings
-// -------------------------------------------------------------------
 
 inline Packing ReadData(const std::string& name) {
   Packing packing;
@@ -97,6 +99,28 @@ inline Packing RandomPacking(int dimension,
                        SmallMatrix::Identity(dimension, dimension));
 }
 
+// The packing with lengths times 2^b.
+inline Packing WithLengths(int b, const Packing& packing) {
+  const double length = std::ldexp(1.0, b);
+  Packing scaled = packing;
+  scaled.box = Box(SmallMatrix(length * packing.box.edges()));
+  scaled.positions *= length;
+  scaled.positions_low *= length;
+  scaled.radii *= length;
+  return scaled;
+}
+
+// 40 grains in a sheared cell, with stiffnesses of their own.
+inline Packing MixedPacking(int d, std::uint64_t seed) {
+  Packing packing = RandomPacking(d, 40, 0.95, seed, SimpleShear(d, 0.3));
+  packing.stiffness.resize(packing.size());
+  UniformRandom random(seed);
+  for (int i = 0; i < packing.size(); ++i) {
+    packing.stiffness[i] = 0.5 + random();
+  }
+  return packing;
+}
+
 // One grain at each point P m of a lattice, m_k = 0 ... repeat_k - 1, in the
 // cell P diag(repeat).
 inline Packing BravaisLattice(const SmallMatrix& primitive,
@@ -151,7 +175,6 @@ inline Box RandomBox(int dimension, std::uint64_t seed) {
 }
 
 // ---- evaluation
-// -----------------------------------------------------------------
 
 inline std::vector<double> RandomVector(int n,
                                         double amplitude,
@@ -180,6 +203,17 @@ inline std::unique_ptr<ContactEnergy> MakeEnergy(const Packing& packing,
   return MakeEnergy(packing, options);
 }
 
+inline std::unique_ptr<Solver> MakeSolver(const std::string& spec) {
+  std::string error;
+  std::unique_ptr<Solver> solver = CreateSolver(spec, &error);
+  EXPECT_NE(solver, nullptr) << error;
+  return solver;
+}
+
+inline std::vector<double> Zero(const FirstOrderFunction& function) {
+  return std::vector<double>(function.NumParameters(), 0.0);
+}
+
 struct Evaluation {
   bool ok = false;
   double energy = 0.0;
@@ -197,7 +231,14 @@ inline Evaluation Evaluate(const ContactEnergy& energy,
 }
 
 inline Evaluation Evaluate(const ContactEnergy& energy) {
-  return Evaluate(energy, std::vector<double>(energy.NumParameters(), 0.0));
+  return Evaluate(energy, Zero(energy));
+}
+
+inline Observables MeasureAtRest(const Packing& packing, double alpha) {
+  const auto energy = MakeEnergy(packing, alpha);
+  return Measure(packing,
+                 energy->Contacts(Zero(*energy).data()),
+                 Evaluate(*energy).energy);
 }
 
 // The same bits throughout.
@@ -241,7 +282,6 @@ double SecondDerivative(const Function& f, double h) {
 }
 
 // ---- oracle
-// ---------------------------------------------------------------------
 
 struct ImagePair {
   GapId id;
@@ -310,6 +350,21 @@ std::vector<ImagePair> AllImagePairs(const Box& box,
     }
   }
   return pairs;
+}
+
+inline QuadResidual InQuad(const Packing& packing,
+                           const ContactEnergyOptions& options,
+                           const std::vector<double>& u) {
+  QuadResidual result;
+  std::string error;
+  EXPECT_TRUE(EvaluateQuad(packing, options, u.data(), &result, &error))
+      << error;
+  return result;
+}
+
+// The greatest difference of a gradient entry, over the mean force.
+inline double ForceError(const Evaluation& e, const QuadResidual& quad) {
+  return MaxDifference(e.gradient, quad.gradient) / quad.mean_force;
 }
 
 // True if, at u, no overlap is closer to zero than `clearance` and no pair's

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "Eigen/Eigenvalues"
-#include "granular/packing_io.h"
 #include "gtest/gtest.h"
+#include "tests/granular/test_packings.h"
 
 namespace granopt {
 namespace {
@@ -88,11 +88,7 @@ TEST(Vibrations, OfATriangularLatticeAreItsPhonons) {
 }
 
 TEST(Vibrations, OfAJammedPackingBeginWithTheCertificatesMode) {
-  Packing packing;
-  std::string error;
-  ASSERT_TRUE(ReadPacking(
-      std::string(GRANOPT_TEST_DATA) + "/n64_jammed.xyz", &packing, &error))
-      << error;
+  const Packing packing = ReadData("n64_jammed.xyz");
   const Vibrations all =
       ComputeVibrations(packing, ContactEnergyOptions(), VibrationOptions());
   ASSERT_TRUE(all.found) << all.message;

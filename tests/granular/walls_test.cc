@@ -7,18 +7,10 @@
 #include <vector>
 
 #include "gtest/gtest.h"
-#include "solvers/registry.h"
 #include "tests/granular/test_packings.h"
 
 namespace granopt {
 namespace {
-
-std::unique_ptr<Solver> MakeSolver(const std::string& spec) {
-  std::string error;
-  std::unique_ptr<Solver> solver = CreateSolver(spec, &error);
-  EXPECT_NE(solver, nullptr) << error;
-  return solver;
-}
 
 ContactEnergyOptions Masked(int n) {
   ContactEnergyOptions options;
@@ -320,6 +312,11 @@ TEST(Walls, GeometryAndErrors) {
   EXPECT_FALSE(MakeRoughWalls(1e-3, &thin, &walls, &error));
   EXPECT_NE(error.find("thickness 0.001"), std::string::npos) << error;
   EXPECT_FALSE(MakeFlatWalls(0.0, &thin, &walls, &error));
+  const Packing untouched = thin;
+  EXPECT_FALSE(MakeFlatWalls(1e-9, &thin, &walls, &error));
+  EXPECT_NE(error.find("too many"), std::string::npos) << error;
+  EXPECT_EQ(thin.positions, untouched.positions);
+  EXPECT_EQ(thin.size(), 50);
   thin.Deform(SimpleShear(2, 0.1));
   EXPECT_FALSE(MakeRoughWalls(0.2, &thin, &walls, &error));
   EXPECT_NE(error.find("rectangular"), std::string::npos) << error;
