@@ -7,6 +7,7 @@
 
 #include "experiments/run.h"
 #include "granular/flow/flow.h"
+#include "granular/flow/start.h"
 #include "granular/flow/stepper.h"
 #include "solvers/format.h"
 #include "solvers/registry.h"

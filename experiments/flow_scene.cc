@@ -7,6 +7,7 @@
 #include "experiments/run.h"
 #include "experiments/tabular.h"
 #include "granular/atomic_file.h"
+#include "granular/flow/start.h"
 #include "granular/packing_io.h"
 #include "solvers/registry.h"
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "experiments/run.h"
+#include "granular/flow/start.h"
 #include "solvers/registry.h"
 
 namespace granopt {

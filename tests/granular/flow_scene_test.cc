@@ -5,6 +5,7 @@
 
 #include "granular/contact_energy.h"
 #include "granular/flow/flow.h"
+#include "granular/flow/start.h"
 #include "granular/flow/stepper.h"
 #include "gtest/gtest.h"
 #include "solvers/registry.h"
@@ -39,7 +40,6 @@ int Overlaps(const Start& start) {
               start.state.x.data(),
               start.options.grains.radius.data(),
               start.options.domain.period(),
-              0.0,
               &pairs);
   return static_cast<int>(pairs.size());
 }

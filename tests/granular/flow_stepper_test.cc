@@ -6,6 +6,7 @@
 
 #include "granular/flow/flow.h"
 #include "granular/flow/incremental_potential.h"
+#include "granular/flow/start.h"
 #include "granular/flow/stepper.h"
 #include "gtest/gtest.h"
 #include "solvers/registry.h"
