@@ -144,6 +144,16 @@ const char* WeightName(FlowSceneOptions::Weight weight) {
   return "";
 }
 
+bool ParseWeight(const std::string& word, FlowSceneOptions::Weight* weight) {
+  using Weight = FlowSceneOptions::Weight;
+  for (const Weight known : {Weight::MASS, Weight::AREA, Weight::ONE}) {
+    if (word != WeightName(known)) continue;
+    *weight = known;
+    return true;
+  }
+  return false;
+}
+
 std::unique_ptr<FlowScene> FlowScene::Create(const FlowSceneOptions& options,
                                              std::string* error) {
   if (!CheckOptions(options, error)) return nullptr;

@@ -89,6 +89,8 @@ struct FlowSceneOptions {
 
 // "mass", "area", "one".
 const char* WeightName(FlowSceneOptions::Weight weight);
+// False for another word.
+bool ParseWeight(const std::string& word, FlowSceneOptions::Weight* weight);
 
 // Smooth forces by origin; empty where the scene has none.
 struct SmoothForces {
@@ -117,7 +119,6 @@ class FlowScene {
   const NearField* near_field() const { return near_field_.get(); }
   const std::vector<double>& inverse_mass() const { return inverse_mass_; }
   double total_mass() const { return total_mass_; }  // of those that move
-  double least_radius() const { return least_radius_; }
 
   // State at the start of a run: zeros the ledgers, checks that no two grains
   // are at one place or (for impacts) overlap.

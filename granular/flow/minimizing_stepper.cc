@@ -56,7 +56,7 @@ class MinimizingStepper : public BackwardEuler {
     scene.Forces(state->x.data(), state->time + dt, false, &used_);
     ++state->sweeps;
     *change = 0.0;
-    std::vector<double> s, previous;
+    std::vector<double> s;
     for (int pass = 0; pass < options_.desired_iterations; ++pass) {
       ++report->iterations;
       ApplyContacts(scene, dt, *state);

@@ -745,6 +745,19 @@ TEST(FlowPaper, EnergiesOfFigures5And6) {
   }
 }
 
+// A step cut short by the end of a run says nothing about the next.
+TEST(FlowSteppers, ShortLastStepsAreNoMeasure) {
+  for (const int method : {0, 1}) {
+    Flow flow = PaperFlow(4, 1);
+    const auto stepper =
+        method == 0 ? CreateImplicitStepper({}) : Minimizing({}, "lbfgs");
+    Go(&flow, 0.1, stepper.get());
+    const double wanted = flow.state.step;
+    Go(&flow, flow.state.time + 1e-3 * wanted, stepper.get());
+    EXPECT_GE(flow.state.step, wanted) << method;
+  }
+}
+
 // The safety factor spares most rejections.
 TEST(FlowPaper, SafetyFactorSparesRejections) {
   const auto rejected = [](double safety) {
