@@ -31,6 +31,7 @@
 #include "benchmark/benchmark.h"
 #include "granular/contact_energy.h"
 #include "granular/flow/flow.h"
+#include "granular/flow/start.h"
 #include "granular/neighbor_list.h"
 #include "granular/packing_generator.h"
 #include "granular/packing_io.h"
@@ -427,7 +428,6 @@ void BM_FlowContacts(benchmark::State& state) {
                 FlowStride(n),
                 flow.x.data(),
                 grains.radius.data(),
-                0.0,
                 0.0,
                 &pairs);
     benchmark::DoNotOptimize(pairs.data());

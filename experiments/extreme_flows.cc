@@ -5,11 +5,10 @@
 #include <functional>
 #include <memory>
 
+#include "experiments/flow_work.h"
 #include "experiments/run.h"
-#include "granular/flow/flow.h"
-#include "granular/flow/stepper.h"
+#include "granular/flow/start.h"
 #include "solvers/format.h"
-#include "solvers/registry.h"
 
 namespace granopt {
 namespace {
@@ -17,7 +16,7 @@ namespace {
 struct Setup {
   FlowSceneOptions options;
   FlowStart start;
-  StepperOptions stepping;
+  StepperSetting stepping;
   double duration = 0.2;
   // Applied to the start.
   std::function<void(const Grains&, FlowState*)> change;
@@ -143,7 +142,7 @@ std::vector<Entry> MakeEntries() {
         Format("dt_%g", dt),
         Format("Dt = %g s", dt),
         [dt](Setup* s) {
-          s->stepping.step = dt;
+          s->stepping.dt = dt;
           s->stepping.first_step = std::min(1e-3, dt);
           // A thousand steps, not more.
           s->duration = std::min(1.0, 1000.0 * dt);
@@ -195,18 +194,11 @@ const std::vector<Entry>& Entries() {
   return *entries;
 }
 
-std::unique_ptr<Stepper> MakeStepper(const std::string& name,
-                                     const StepperOptions& options,
-                                     std::string* error) {
-  if (name == "implicit") return CreateImplicitStepper(options);
-  if (name == "verlet") return CreateVerletStepper(options);
-  if (name == "minimize") {
-    std::unique_ptr<Solver> solver = CreateSolver("lbfgs", error);
-    if (solver == nullptr) return nullptr;
-    return CreateMinimizingStepper(options, std::move(solver));
-  }
-  *error = "unknown stepper '" + name + "' (implicit, verlet, minimize)";
-  return nullptr;
+// What a stepper of FlowSteppers() is to MakeStepper().
+const char* SettingName(const std::string& stepper) {
+  return stepper == "implicit" ? "jacobi"
+         : stepper == "verlet" ? "verlet"
+                               : "lbfgs";
 }
 
 }  // namespace
@@ -242,8 +234,14 @@ bool RunExtremeFlow(const std::string& name,
   }
   Setup setup;
   found->build(&setup);
-  const std::unique_ptr<Stepper> stepper =
-      MakeStepper(stepper_name, setup.stepping, error);
+  const std::vector<std::string>& known = FlowSteppers();
+  if (std::find(known.begin(), known.end(), stepper_name) == known.end()) {
+    *error =
+        "unknown stepper '" + stepper_name + "' (implicit, verlet, minimize)";
+    return false;
+  }
+  setup.stepping.name = SettingName(stepper_name);
+  const std::unique_ptr<Stepper> stepper = MakeStepper(setup.stepping, error);
   if (stepper == nullptr) return false;
   const auto refuse = [run](const std::string& line) {
     run->refused = true;

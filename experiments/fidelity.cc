@@ -23,6 +23,7 @@
 #include "experiments/scene.h"
 #include "experiments/tabular.h"
 #include "granular/flow/flow.h"
+#include "granular/flow/start.h"
 #include "granular/flow/stepper.h"
 #include "granular/linear_response.h"
 

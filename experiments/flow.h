@@ -9,15 +9,36 @@
 #include "experiments/flow_scene.h"
 #include "experiments/run.h"
 
+DECLARE_int32(threads);
+DECLARE_int32(seeds);
+DECLARE_bool(resume);
+DECLARE_int32(frames);
+DECLARE_int64(checkpoint_every);
+
 namespace granopt {
 
-// "work_precision", "remark8", "oscillator", "throughput": what --study takes.
-bool IsStudy(const std::string& name);
-std::vector<std::string> StudyFiles(const std::string& name);
-// The flags of a flow that it heeds.
-std::vector<std::string> StudyFlags(const std::string& name);
-// Runs it, writes its files.
-int RunStudy(const std::string& name, Output* output);
+// Each returns the exit status.
+int RunScene();  // that of the flags
+int RunPaper();  // --paper
+
+// A study, and what it leaves and heeds.
+struct Study {
+  const char* name;
+  std::vector<std::string> files;  // beside summary.json
+  std::vector<std::string> flags;  // of a flow
+  int (*run)(Output* output);
+};
+const std::vector<Study>& Studies();
+int WorkPrecision(Output* output);
+int Remark8(Output* output);
+int Oscillator(Output* output);
+int Throughput(Output* output);
+// What a summary.json of a study begins with; writes it with the rest.
+Json StudyJson(const std::string& name);
+void FinishStudy(Json json, Output* output);
+
+// The ledgers of a run, per mass (J / kg), and what they do not explain.
+Json LedgerJson(const FlowScene& scene, const FlowState& state);
 
 }  // namespace granopt
 

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "experiments/run.h"
 #include "experiments/tabular.h"
 #include "granular/atomic_file.h"
+#include "granular/flow/start.h"
 #include "granular/packing_io.h"
 #include "solvers/registry.h"
 
@@ -152,13 +152,7 @@ FlowSceneOptions MakeSceneOptions() {
     CheckRange("multipole_from", FLAGS_multipole_from, -1, 2e9);
     CheckRange("field_accuracy", FLAGS_field_accuracy, 1e-9, 0.1);
   }
-  if (FLAGS_weight == "mass") {
-    options.weight = FlowSceneOptions::Weight::MASS;
-  } else if (FLAGS_weight == "area") {
-    options.weight = FlowSceneOptions::Weight::AREA;
-  } else if (FLAGS_weight == "one") {
-    options.weight = FlowSceneOptions::Weight::ONE;
-  } else {
+  if (!ParseWeight(FLAGS_weight, &options.weight)) {
     BadInput("--weight=" + FLAGS_weight + " must be mass, area or one");
   }
   if (FLAGS_contacts == "impact") {
@@ -226,17 +220,33 @@ StepperOptions MakeStepperOptions() {
   options.relaxation = FLAGS_relaxation;
   options.safety = FLAGS_safety;
   options.groups = FLAGS_groups;
-  if (FLAGS_sweep == "jacobi") {
-    options.sweep = StepperOptions::Sweep::JACOBI;
-  } else if (FLAGS_sweep == "gauss_seidel") {
-    options.sweep = StepperOptions::Sweep::GAUSS_SEIDEL;
-  } else if (FLAGS_sweep == "groups") {
-    options.sweep = StepperOptions::Sweep::GROUPS;
-  } else {
+  if (!ParseSweep(FLAGS_sweep, &options.sweep)) {
     BadInput("--sweep=" + FLAGS_sweep +
              " must be jacobi, gauss_seidel or groups");
   }
   return options;
+}
+
+const std::vector<std::string>& StepFlags() {
+  static const std::vector<std::string> names = {"dt",
+                                                 "first_dt",
+                                                 "tolerance",
+                                                 "iterations",
+                                                 "sweep",
+                                                 "groups",
+                                                 "relaxation",
+                                                 "safety"};
+  return names;
+}
+
+std::vector<gflags::CommandLineFlagInfo> FlagsDefinedIn(
+    const std::string& file) {
+  std::vector<gflags::CommandLineFlagInfo> all, found;
+  gflags::GetAllFlags(&all);
+  for (const auto& flag : all) {
+    if (flag.filename.find(file) != std::string::npos) found.push_back(flag);
+  }
+  return found;
 }
 
 std::unique_ptr<Stepper> MakeStepper() {

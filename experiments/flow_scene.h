@@ -12,55 +12,17 @@
 #include "granular/flow/flow.h"
 #include "granular/flow/stepper.h"
 
+// Those that others look at.
 DECLARE_int32(particles);
-DECLARE_double(side);
-DECLARE_double(length_ratio);
-DECLARE_double(density);
-DECLARE_string(mean_velocity);
-DECLARE_string(perturbation);
-DECLARE_int32(attempts);
 DECLARE_string(input);
-DECLARE_bool(relax_overlaps);
 DECLARE_string(law);
-DECLARE_double(alpha1);
-DECLARE_double(beta1);
-DECLARE_double(alpha2);
-DECLARE_double(beta2);
-DECLARE_string(weight);
-DECLARE_double(depth);
-DECLARE_double(sigma);
-DECLARE_double(mie_repulsion);
-DECLARE_double(mie_attraction);
-DECLARE_double(morse_steepness);
-DECLARE_double(morse_distance);
 DECLARE_double(field_accuracy);
-DECLARE_int32(multipole_from);
 DECLARE_string(contacts);
-DECLARE_double(restitution);
-DECLARE_bool(velocity_dependent);
-DECLARE_double(velocity_scale);
-DECLARE_double(least_restitution);
-DECLARE_double(impact_duration);
-DECLARE_double(mu_s);
-DECLARE_double(mu_d);
-DECLARE_double(stiffness);
-DECLARE_double(contact_alpha);
-DECLARE_string(gravity);
-DECLARE_string(force);
-DECLARE_double(force_frequency);
-DECLARE_double(damping);
 DECLARE_string(domain);
 DECLARE_string(stepper);
 DECLARE_double(duration);
 DECLARE_double(dt);
-DECLARE_double(first_dt);
 DECLARE_double(tolerance);
-DECLARE_int32(iterations);
-DECLARE_string(sweep);
-DECLARE_int32(groups);
-DECLARE_double(relaxation);
-DECLARE_double(safety);
-DECLARE_string(solver);
 
 namespace granopt {
 
@@ -73,10 +35,15 @@ bool MakeCase(FlowCase* made, std::string* relaxed, std::string* error);
 // What the flags of steps describe; BadInput for one that is wrong.
 StepperOptions MakeStepperOptions();
 std::unique_ptr<Stepper> MakeStepper();
+// The flags that MakeStepperOptions() takes.
+const std::vector<std::string>& StepFlags();
 
-// One frame of extended XYZ with velocities; 9 digits are enough to look at, 17
-// hold every bit. (--input takes centres and radii of it only; a run goes on
-// from its checkpoint.)
+// All flags defined in source files with that in their names.
+std::vector<gflags::CommandLineFlagInfo> FlagsDefinedIn(
+    const std::string& file);
+
+// One frame of extended XYZ with velocities, which --input takes; 9 digits are
+// enough to look at, 17 hold every bit.
 std::string Frame(const FlowScene& scene, const FlowState& state, int digits);
 
 }  // namespace granopt

@@ -90,6 +90,11 @@ FlowCase WithoutContacts(FlowCase flow) {
   return flow;
 }
 
+// Of relative motion in all motion; 0 at rest.
+double RelativePart(const KineticEnergy& k) {
+  return k.total() > 0.0 ? k.relative / k.total() : 0.0;
+}
+
 std::vector<double> Errors(const FlowScene& scene,
                            const FlowMeasurement& run,
                            const FlowMeasurement& exact) {
@@ -97,9 +102,10 @@ std::vector<double> Errors(const FlowScene& scene,
   for (std::size_t t = 0; t < exact.kinetic.size(); ++t) {
     const KineticEnergy& a = run.kinetic[t];
     const KineticEnergy& b = exact.kinetic[t];
-    kinetic = std::max(kinetic, std::fabs(a.total() - b.total()) / b.total());
-    part = std::max(part,
-                    std::fabs(a.relative / a.total() - b.relative / b.total()));
+    if (b.total() > 0.0) {
+      kinetic = std::max(kinetic, std::fabs(a.total() - b.total()) / b.total());
+    }
+    part = std::max(part, std::fabs(RelativePart(a) - RelativePart(b)));
   }
   const int n = scene.size(), stride = scene.stride();
   const double period = scene.options().domain.period();
@@ -124,8 +130,9 @@ std::string LabelOf(const Way& way) {
   }
   if (way.threads > 1) label += Format(", %d threads", way.threads);
   if (way.field_accuracy >= 0.0) return label;
-  if (way.setting.name != "verlet")
+  if (way.setting.name != "verlet") {
     label += Format(" %g", way.setting.tolerance);
+  }
   return label + Format(" Dt %.4g", way.setting.dt);
 }
 
@@ -134,8 +141,7 @@ std::string FlagsOf(const Way& way) {
   std::string flags;
   if (s.name == "verlet") {
     flags = Format("--stepper=verlet --dt=%g", s.dt);
-  } else if (s.name == "jacobi" || s.name == "gauss_seidel" ||
-             s.name == "groups") {
+  } else if (StepperOptions::Sweep sweep; ParseSweep(s.name, &sweep)) {
     flags = Format(
         "--stepper=implicit --sweep=%s --tolerance=%g --dt=%g "
         "--first_dt=%g",
@@ -273,7 +279,7 @@ Json MeasureFlowTask(const FlowTask& task, int repetitions) {
   }
   const auto ends = [](const FlowMeasurement& m) -> Json {
     const KineticEnergy& k = m.kinetic.back();
-    return {{"kinetic", k.total()}, {"relative_part", k.relative / k.total()}};
+    return {{"kinetic", k.total()}, {"relative_part", RelativePart(k)}};
   };
   json["reference"] = ends(exact);
   json["reference_apart"] = Errors(*task.flow.scene, fine, exact);

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "experiments/run.h"
+#include "granular/flow/start.h"
 #include "solvers/registry.h"
 
 namespace granopt {
@@ -40,6 +41,18 @@ FlowCase MakePaperCase(const Strength& strength,
   return flow;
 }
 
+bool ParseSweep(const std::string& word, StepperOptions::Sweep* sweep) {
+  using Sweep = StepperOptions::Sweep;
+  for (const auto& [name, known] : {std::pair{"jacobi", Sweep::JACOBI},
+                                    {"gauss_seidel", Sweep::GAUSS_SEIDEL},
+                                    {"groups", Sweep::GROUPS}}) {
+    if (word != name) continue;
+    *sweep = known;
+    return true;
+  }
+  return false;
+}
+
 std::unique_ptr<Stepper> MakeStepper(const StepperSetting& setting,
                                      std::string* error) {
   StepperOptions options;
@@ -49,12 +62,7 @@ std::unique_ptr<Stepper> MakeStepper(const StepperSetting& setting,
   options.relaxation = setting.relaxation;
   options.desired_iterations = setting.iterations;
   if (setting.name == "verlet") return CreateVerletStepper(options);
-  using Sweep = StepperOptions::Sweep;
-  for (const auto& [name, sweep] : {std::pair{"jacobi", Sweep::JACOBI},
-                                    {"gauss_seidel", Sweep::GAUSS_SEIDEL},
-                                    {"groups", Sweep::GROUPS}}) {
-    if (setting.name != name) continue;
-    options.sweep = sweep;
+  if (ParseSweep(setting.name, &options.sweep)) {
     return CreateImplicitStepper(options);
   }
   std::unique_ptr<Solver> solver = CreateSolver(setting.name, error);

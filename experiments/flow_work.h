@@ -47,6 +47,8 @@ struct StepperSetting {
   double first_step = 0.001;
   int iterations = 10;  // K_d
 };
+// "jacobi", "gauss_seidel", "groups"; false for another word.
+bool ParseSweep(const std::string& word, StepperOptions::Sweep* sweep);
 // Null with one line in `error` for an unknown name.
 std::unique_ptr<Stepper> MakeStepper(const StepperSetting& setting,
                                      std::string* error);

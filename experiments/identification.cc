@@ -8,7 +8,6 @@
 #include "experiments/statistics.h"
 #include "experiments/tabular.h"
 #include "granular/atomic_file.h"
-#include "granular/packing_io.h"
 #include "solvers/format.h"
 
 namespace granopt {

@@ -9,9 +9,9 @@
 //   identify --worker ...       evaluates a share of them
 
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <functional>
+#include <iterator>
 #include <limits>
 #include <memory>
 #include <string>
@@ -63,6 +63,189 @@ int Leave(Record* record, const Workers& workers) {
   return kNotConverged;
 }
 
+// What runs do on average with known values; empty if asked to stop.
+EnergyCurve KnownTarget(const Task& task, const std::vector<double>& values) {
+  const Response response =
+      RunResponse(task, values, FLAGS_smoke ? 5 : 20, kRecover);
+  if (StopRequested()) return {};
+  if (response.failed > 0) {
+    BadInput(Format("the parameters to recover fail on %d of %zu starts",
+                    response.failed,
+                    response.failed + response.curves.size()));
+  }
+  return MeanCurve(response);
+}
+
+Candidate Given(const std::string& origin, const std::vector<double>& string) {
+  Candidate candidate;
+  candidate.origin = origin;
+  candidate.string = string;
+  return candidate;
+}
+
+void PrintTask(const Task& task) {
+  std::string searched;
+  for (const SearchedFlag& flag : task.flags) {
+    searched += Format("%s%s in [%g, %g]",
+                       searched.empty() ? "" : ", ",
+                       flag.name.c_str(),
+                       flag.low,
+                       flag.high);
+  }
+  std::printf("identify  %s\n", searched.c_str());
+  if (!FLAGS_recover.empty()) {
+    std::printf("          target: what %s do on average\n",
+                FLAGS_recover.c_str());
+  } else if (!FLAGS_target.empty()) {
+    std::printf("          target: %s, %zu times\n",
+                FLAGS_target.c_str(),
+                task.target.time.size());
+  } else {
+    std::printf("          target: T, T_b, T_r = %s J/kg at all times\n",
+                FLAGS_target_energies.c_str());
+  }
+  std::fflush(stdout);
+}
+
+// What is found beside what it was looked for in.
+struct Findings {
+  Identification id;
+  std::vector<ProfilePoint> profile;
+  // The flow that the paper's best string makes, found again.
+  Task recovery_task;
+  Identification recovery;
+  std::vector<AlternativeRun> alternatives;
+};
+
+// False if halted.
+bool FindAll(Record* record,
+             const Task& task,
+             const EnsembleRule& rule,
+             const std::vector<double>& known,
+             Findings* found) {
+  std::vector<Candidate> others;
+  if (FLAGS_paper) {
+    for (std::size_t k = 0; k < std::size(kTable1); ++k) {
+      others.push_back(
+          Given(Format("Table 1, %zu", k + 1),
+                {std::begin(kTable1[k].string), std::end(kTable1[k].string)}));
+      others.back().reported = kTable1[k].value;
+    }
+  }
+  if (!known.empty()) others.push_back(Given("known", known));
+  if (!Identify(record, "", task, rule, FLAGS_gradient, others, &found->id)) {
+    return false;
+  }
+  if (FLAGS_profile && !RunProfile(record, task, found->id, &found->profile)) {
+    return false;
+  }
+  if (FLAGS_recovery) {
+    const std::vector<double> first(std::begin(kTable1[0].string),
+                                    std::end(kTable1[0].string));
+    found->recovery_task = task;
+    found->recovery_task.target = KnownTarget(task, first);
+    if (StopRequested()) {
+      record->Save();
+      return false;
+    }
+    if (!Identify(record,
+                  "recovery_",
+                  found->recovery_task,
+                  SearchRule(false),
+                  false,
+                  {Given("known", first)},
+                  &found->recovery)) {
+      return false;
+    }
+  }
+  return !FLAGS_alternatives ||
+         RunAlternatives(
+             record, task, found->id.search.runs, &found->alternatives);
+}
+
+// One flow of a string, its start and its end.
+void WriteFlow(const Task& task,
+               const std::vector<double>& string,
+               Output* output) {
+  FlowCase flow;
+  std::unique_ptr<Stepper> stepper;
+  EnergyCurve curve;
+  std::string error;
+  if (!Compose(task,
+               string,
+               StartSeed(run_seed, Fixed(1, kFresh), 0, 0),
+               &flow,
+               &stepper,
+               &error)) {
+    return;
+  }
+  output->Write("best_start.xyz", Frame(*flow.scene, flow.state, 17));
+  RunCurve(&flow, stepper.get(), FLAGS_duration, &curve, &error);
+  output->Write("best_final.xyz", Frame(*flow.scene, flow.state, 17));
+}
+
+void Plot(const char* figure,
+          const std::vector<std::string>& tables,
+          Output* output) {
+  std::vector<std::string> arguments = {std::string("identify_") + figure};
+  for (const std::string& table : tables) {
+    arguments.push_back(output->Path(table));
+  }
+  arguments.push_back(output->Path(figure));
+  output->Plot(arguments,
+               {std::string(figure) + ".svg", std::string(figure) + ".png"});
+}
+
+Json Report(const Task& task,
+            const Findings& found,
+            const Response& response,
+            const Record& record,
+            Output* output) {
+  const Candidate& best = found.id.candidates[found.id.best];
+  PrintIdentification(task, found.id, 6);
+  Json json = IdentificationJson(task, found.id);
+  const Json errors = ReportErrors(task, response);
+  if (!errors.is_null()) json["best"]["errors_of_target"] = errors;
+  json["parameters"] = Json::array();
+  for (const SearchedFlag& flag : task.flags) {
+    json["parameters"].push_back(
+        {{"name", flag.name}, {"low", flag.low}, {"high", flag.high}});
+  }
+  json["method"] = FLAGS_method;
+  json["ensemble"] = FLAGS_ensemble;
+  json["ensemble_tolerance"] = FLAGS_ensemble_tolerance;
+  output->Write("history.csv", HistoryCsv(found.id));
+  output->Write("fresh.csv", FreshCsv(task, found.id));
+  output->Write("strings_evaluated.csv", StringsCsv(task, record));
+  output->Write("target.csv", FormatCurve(task.target));
+  output->Write("response.csv", ResponseCsv(response, task.target));
+  WriteFlow(task, best.string, output);
+  if (!found.profile.empty()) {
+    ReportProfile(task, best, found.profile, output);
+  }
+  if (!found.alternatives.empty()) {
+    json["alternatives"] = ReportAlternatives(task, found.alternatives, output);
+  }
+  if (FLAGS_recovery) {
+    std::printf(
+        "\n  recovery of the first string of Table 1 from what it does "
+        "on average over %d starts\n",
+        FLAGS_smoke ? 5 : 20);
+    PrintIdentification(found.recovery_task, found.recovery, 3);
+    json["recovery"] = IdentificationJson(found.recovery_task, found.recovery);
+    output->Write("recovery.csv",
+                  FreshCsv(found.recovery_task, found.recovery));
+  }
+  Plot("convergence", {"history.csv"}, output);
+  Plot("response", {"response.csv"}, output);
+  Plot("valley", {"fresh.csv", "strings_evaluated.csv"}, output);
+  if (!found.profile.empty()) Plot("profile", {"profile.csv"}, output);
+  if (!found.alternatives.empty()) {
+    Plot("alternatives", {"alternatives.csv"}, output);
+  }
+  return json;
+}
+
 int RunIdentify() {
   Task task = MakeTask();
   std::vector<double> known;
@@ -79,40 +262,10 @@ int RunIdentify() {
     }
   }
   CatchStopSignals();
-  const auto make_known_target = [&](const std::vector<double>& values) {
-    const Response response =
-        RunResponse(task, values, FLAGS_smoke ? 5 : 20, kRecover);
-    if (response.failed > 0 && !StopRequested()) {
-      BadInput(Format("the parameters to recover fail on %d of %zu starts",
-                      response.failed,
-                      response.failed + response.curves.size()));
-    }
-    return StopRequested() ? EnergyCurve() : MeanCurve(response);
-  };
-  std::string searched;
-  for (const SearchedFlag& flag : task.flags) {
-    searched += Format("%s%s in [%g, %g]",
-                       searched.empty() ? "" : ", ",
-                       flag.name.c_str(),
-                       flag.low,
-                       flag.high);
-  }
-  std::printf("identify  %s\n", searched.c_str());
-  if (!known.empty()) {
-    std::printf("          target: what %s do on average\n",
-                FLAGS_recover.c_str());
-  } else if (!FLAGS_target.empty()) {
-    std::printf("          target: %s, %zu times\n",
-                FLAGS_target.c_str(),
-                task.target.time.size());
-  } else {
-    std::printf("          target: T, T_b, T_r = %s J/kg at all times\n",
-                FLAGS_target_energies.c_str());
-  }
-  std::fflush(stdout);
+  PrintTask(task);
   // The known values are in the set-up themselves.
   const Json setup = Setup(task);
-  if (!known.empty()) task.target = make_known_target(known);
+  if (!known.empty()) task.target = KnownTarget(task, known);
   const Checkpoint checkpoint(CheckpointPath(), setup);
   Workers workers(Crc32(setup.dump()));
   // Workers are told whole lists.
@@ -173,140 +326,23 @@ int RunIdentify() {
   output.Create(FLAGS_out, names, kept);
   const double cpu = CpuSeconds();
 
-  std::vector<Candidate> others;
-  if (FLAGS_paper) {
-    for (std::size_t k = 0; k < std::size(kTable1); ++k) {
-      Candidate c;
-      c.origin = Format("Table 1, %zu", k + 1);
-      c.string.assign(kTable1[k].string, kTable1[k].string + 4);
-      c.reported = kTable1[k].value;
-      others.push_back(c);
-    }
-  }
-  if (!known.empty()) {
-    Candidate c;
-    c.origin = "known";
-    c.string = known;
-    others.push_back(c);
-  }
-  Identification id;
-  if (!Identify(&record, "", task, rule, FLAGS_gradient, others, &id)) {
-    return Leave(&record, workers);
-  }
-  std::vector<ProfilePoint> profile;
-  if (FLAGS_profile && !RunProfile(&record, task, id, &profile)) {
-    return Leave(&record, workers);
-  }
-  // The flow that the paper's best string makes, found again.
-  Identification recovery;
-  Task recovery_task = task;
-  const std::vector<double> first(kTable1[0].string, kTable1[0].string + 4);
-  if (FLAGS_recovery) {
-    recovery_task.target = make_known_target(first);
-    if (StopRequested()) {
-      record.Save();
-      return Leave(&record, workers);
-    }
-    Candidate c;
-    c.origin = "known";
-    c.string = first;
-    if (!Identify(&record,
-                  "recovery_",
-                  recovery_task,
-                  SearchRule(false),
-                  false,
-                  {c},
-                  &recovery)) {
-      return Leave(&record, workers);
-    }
-  }
-  std::vector<AlternativeRun> alternatives;
-  if (FLAGS_alternatives &&
-      !RunAlternatives(&record, task, id.search.runs, &alternatives)) {
+  Findings found;
+  if (!FindAll(&record, task, rule, known, &found)) {
     return Leave(&record, workers);
   }
   record.Save();
   record.Clear();
-  const Candidate& best = id.candidates[id.best];
-  const Response response = RunResponse(task, best.string, 20, kFresh);
+  const Response response =
+      RunResponse(task, found.id.candidates[found.id.best].string, 20, kFresh);
   if (StopRequested()) return Leave(&record, workers);
-
-  PrintIdentification(task, id, 6);
-  Json json = IdentificationJson(task, id);
-  const Json errors = ReportErrors(task, response);
-  if (!errors.is_null()) json["best"]["errors_of_target"] = errors;
-  json["parameters"] = Json::array();
-  for (const SearchedFlag& flag : task.flags) {
-    json["parameters"].push_back(
-        {{"name", flag.name}, {"low", flag.low}, {"high", flag.high}});
-  }
-  json["method"] = FLAGS_method;
-  json["ensemble"] = FLAGS_ensemble;
-  json["ensemble_tolerance"] = FLAGS_ensemble_tolerance;
-  output.Write("history.csv", HistoryCsv(id));
-  output.Write("fresh.csv", FreshCsv(task, id));
-  output.Write("strings_evaluated.csv", StringsCsv(task, record));
-  output.Write("target.csv", FormatCurve(task.target));
-  output.Write("response.csv", ResponseCsv(response, task.target));
-  {
-    FlowCase flow;
-    std::unique_ptr<Stepper> stepper;
-    EnergyCurve curve;
-    std::string error;
-    if (Compose(task,
-                best.string,
-                StartSeed(run_seed, Fixed(1, kFresh), 0, 0),
-                &flow,
-                &stepper,
-                &error)) {
-      output.Write("best_start.xyz", Frame(*flow.scene, flow.state, 17));
-      RunCurve(&flow, stepper.get(), FLAGS_duration, &curve, &error);
-      output.Write("best_final.xyz", Frame(*flow.scene, flow.state, 17));
-    }
-  }
-  if (!profile.empty()) ReportProfile(task, best, profile, &output);
-  if (!alternatives.empty()) {
-    json["alternatives"] = ReportAlternatives(task, alternatives, &output);
-  }
-  if (FLAGS_recovery) {
-    std::printf(
-        "\n  recovery of the first string of Table 1 from what it does "
-        "on average over %d starts\n",
-        FLAGS_smoke ? 5 : 20);
-    PrintIdentification(recovery_task, recovery, 3);
-    json["recovery"] = IdentificationJson(recovery_task, recovery);
-    output.Write("recovery.csv", FreshCsv(recovery_task, recovery));
-  }
+  Json json = Report(task, found, response, record, &output);
+  // A flow that was cut short is no result.
+  if (StopRequested()) return Leave(&record, workers);
   json["cpu_seconds"] = CpuSeconds() - cpu;
   json["all_runs"] = record.runs();
   json["schema"] = "granopt/identify/1";
   json["provenance"] = Provenance();
   json["provenance"]["threads"] = FLAGS_threads;
-  output.Plot({"identify_convergence",
-               output.Path("history.csv"),
-               output.Path("convergence")},
-              {"convergence.svg", "convergence.png"});
-  output.Plot({"identify_response",
-               output.Path("response.csv"),
-               output.Path("response")},
-              {"response.svg", "response.png"});
-  output.Plot({"identify_valley",
-               output.Path("fresh.csv"),
-               output.Path("strings_evaluated.csv"),
-               output.Path("valley")},
-              {"valley.svg", "valley.png"});
-  if (!profile.empty()) {
-    output.Plot({"identify_profile",
-                 output.Path("profile.csv"),
-                 output.Path("profile")},
-                {"profile.svg", "profile.png"});
-  }
-  if (!alternatives.empty()) {
-    output.Plot({"identify_alternatives",
-                 output.Path("alternatives.csv"),
-                 output.Path("alternatives")},
-                {"alternatives.svg", "alternatives.png"});
-  }
   output.WriteJson("summary.json", json);
   std::printf("\n  %lld runs in all; %.3g CPU seconds of this run\n",
               static_cast<long long>(record.runs()),

@@ -13,7 +13,6 @@
 #include "experiments/run.h"
 #include "experiments/tabular.h"
 #include "granular/atomic_file.h"
-#include "granular/packing_io.h"
 
 namespace granopt::identify {
 

@@ -1,7 +1,6 @@
 #include "experiments/identify_flags.h"
 
 #include <cstring>
-#include <memory>
 #include <string>
 
 #include "experiments/run.h"

@@ -8,7 +8,6 @@
 #include "experiments/identify_flags.h"
 #include "experiments/identify_report.h"
 #include "experiments/statistics.h"
-#include "experiments/tabular.h"
 
 namespace granopt::identify {
 
@@ -24,8 +23,8 @@ bool RunProfile(Record* record,
   for (int k = 0; k < n; ++k) {
     for (int p = 0; p < FLAGS_profile_points; ++p) {
       const SearchedFlag& flag = task.flags[k];
-      const double value = flag.low + (flag.high - flag.low) * p /
-                                          std::max(1, FLAGS_profile_points - 1);
+      const double value =
+          flag.low + (flag.high - flag.low) * p / (FLAGS_profile_points - 1);
       // From the nearest of the good strings.
       const Candidate* nearest = &id.candidates[id.best];
       for (const Candidate& c : id.candidates) {

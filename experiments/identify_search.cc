@@ -1,6 +1,7 @@
 #include "experiments/identify_search.h"
 
 #include <algorithm>
+#include <limits>
 #include <memory>
 #include <numeric>
 #include <set>
@@ -10,6 +11,16 @@
 #include "experiments/statistics.h"
 
 namespace granopt::identify {
+namespace {
+
+constexpr std::int64_t kUnlimited = std::numeric_limits<std::int64_t>::max();
+
+// Found here, not given.
+bool IsOwn(const Candidate& c) {
+  return c.origin == "search" || c.origin == "gradient";
+}
+
+}  // namespace
 
 SearchOutcome RunSearch(Record* record,
                         const std::string& stage,
@@ -43,10 +54,6 @@ SearchOutcome RunSearch(Record* record,
   outcome.result = method->Search(problem);
   outcome.runs = record->stage(stage).runs;
   return outcome;
-}
-
-bool IsOwn(const Candidate& c) {
-  return c.origin == "search" || c.origin == "gradient";
 }
 
 bool Identify(Record* record,

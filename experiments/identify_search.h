@@ -5,7 +5,6 @@
 
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <string>
 #include <vector>
 
@@ -14,8 +13,6 @@
 #include "solvers/search/search.h"
 
 namespace granopt::identify {
-
-constexpr std::int64_t kUnlimited = std::numeric_limits<std::int64_t>::max();
 
 struct SearchOutcome {
   SearchResult result;
@@ -52,9 +49,6 @@ struct Identification {
   int equal = 0;
   double cpu = 0.0;
 };
-
-// Found here, not given.
-bool IsOwn(const Candidate& c);
 
 // Search, gradients, fresh starts, confirmation. False if halted.
 bool Identify(Record* record,

@@ -1,7 +1,6 @@
 #include "experiments/identify_setup.h"
 
 #include <algorithm>
-#include <cmath>
 #include <memory>
 #include <set>
 
@@ -9,7 +8,6 @@
 #include "experiments/identify_flags.h"
 #include "experiments/tabular.h"
 #include "granular/atomic_file.h"
-#include "granular/packing_io.h"
 
 namespace granopt::identify {
 
@@ -120,13 +118,8 @@ Json Setup(const Task& task) {
                                      "target",
                                      "input"};
   Json setup = Json::object();
-  std::vector<gflags::CommandLineFlagInfo> all;
-  gflags::GetAllFlags(&all);
-  for (const auto& flag : all) {
-    if (own.count(flag.name) == 0 &&
-        flag.filename.find("experiments/") != std::string::npos) {
-      setup[flag.name] = flag.current_value;
-    }
+  for (const auto& flag : FlagsDefinedIn("experiments/")) {
+    if (own.count(flag.name) == 0) setup[flag.name] = flag.current_value;
   }
   setup["target"] = Crc32(FormatCurve(task.target));
   setup["input"] = nullptr;

@@ -13,8 +13,8 @@ namespace granopt {
 struct ImpactOptions {
   // e0 in [0, 1].
   double restitution = 0.5;
-  // e = max(e0 (1 - dv_n / v*), e-)  (5.13) instead of e0. The paper states
-  // neither number, and neither matters much.
+  // e = max(e0 (1 - dv_n / v*), e-)  (5.13) instead of e0, e- at most e0. The
+  // paper states neither v* nor e-, and neither matters much.
   bool is_velocity_dependent = false;
   double velocity_scale = 1.0;     // v*
   double least_restitution = 0.1;  // e-

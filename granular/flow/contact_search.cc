@@ -17,7 +17,6 @@ void ContactSearch::Find(int n,
                          const double* x,
                          const double* radius,
                          double period,
-                         double margin,
                          std::vector<ClosePair>* pairs) {
   pairs->clear();
   const double* const at[3] = {x, x + stride, x + 2 * stride};
@@ -29,7 +28,7 @@ void ContactSearch::Find(int n,
       if (period > 0.0) d[k] -= period * std::nearbyint(d[k] / period);
       square += d[k] * d[k];
     }
-    const double range = radius[i] + radius[j] + margin;
+    const double range = radius[i] + radius[j];
     if (!(square < range * range)) return;
     ClosePair pair;
     pair.i = i;
@@ -49,12 +48,12 @@ void ContactSearch::Find(int n,
     compare_all();
     return;
   }
-  const double width = 2.0 * *std::max_element(radius, radius + n) + margin;
+  const double width = 2.0 * *std::max_element(radius, radius + n);
   double low[3], cell[3];
   int count[3];
   std::int64_t cells = 1;
   // Not many more cells than grains, however far those are apart.
-  const int most = std::max(1, static_cast<int>(std::cbrt(8.0 * n)));
+  const int most = static_cast<int>(std::cbrt(8.0 * n));
   for (int k = 0; k < 3; ++k) {
     double extent = period;
     low[k] = -0.5 * period;
@@ -63,10 +62,10 @@ void ContactSearch::Find(int n,
       low[k] = *ends.first;
       extent = *ends.second - *ends.first;
     }
-    const double fitting = width > 0.0 ? std::floor(extent / width) : most;
-    count[k] = static_cast<int>(std::clamp(fitting, 1.0, 1.0 * most));
+    if (!std::isfinite(extent)) return;  // no grid
+    count[k] = static_cast<int>(
+        std::clamp(std::floor(extent / width), 1.0, 1.0 * most));
     cell[k] = extent / count[k];
-    if (!std::isfinite(extent)) count[k] = -1;
     cells *= count[k];
   }
   // Periodic, a cell and its two neighbours must be three.
@@ -74,7 +73,6 @@ void ContactSearch::Find(int n,
     compare_all();
     return;
   }
-  if (*std::min_element(count, count + 3) < 1) return;  // not finite: no grid
   cell_.resize(n);
   start_.assign(cells + 1, 0);
   sorted_.resize(n);
@@ -83,8 +81,9 @@ void ContactSearch::Find(int n,
     for (int k = 0; k < 3; ++k) {
       double y = at[k][i] - low[k];
       if (period > 0.0) y -= period * std::floor(y / period);
-      const int c = cell[k] > 0.0 ? static_cast<int>(y / cell[k]) : 0;
-      index = index * count[k] + std::clamp(c, 0, count[k] - 1);
+      // In this order NaN (0 / 0 of a flat cloud) is cell 0.
+      const double c = std::min(std::max(0.0, y / cell[k]), count[k] - 1.0);
+      index = index * count[k] + static_cast<int>(c);
     }
     cell_[i] = index;
     ++start_[index + 1];

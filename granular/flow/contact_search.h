@@ -7,7 +7,7 @@
 
 namespace granopt {
 
-// Two grains that overlap, or nearly.
+// Two grains that overlap.
 struct ClosePair {
   int i = 0;
   int j = 0;
@@ -15,12 +15,11 @@ struct ClosePair {
   double normal[3] = {};  // n_ij, from i to j; 0 for coincident centres
 };
 
-// All pairs with |r_j - r_i| < b_i + b_j + margin, in increasing order of (i,
-// j). `x` in the layout of near_field_loops.h; `period` > 0: with the nearest
-// image in a cube of that side (at least two interaction ranges wide, else
-// images beyond the nearest would be missed: the caller checks). A grid of
-// cells, one diameter of the largest grain wide; O(n) for grains of similar
-// size.
+// All pairs with |r_j - r_i| < b_i + b_j, in increasing order of (i, j). `x` in
+// the layout of near_field_loops.h; `period` > 0: with the nearest image in a
+// cube of that side (at least two diameters wide, else images beyond the
+// nearest would be missed: the caller checks). A grid of cells, one diameter of
+// the largest grain wide or more; O(n) for grains of similar size.
 class ContactSearch {
  public:
   void Find(int n,
@@ -28,7 +27,6 @@ class ContactSearch {
             const double* x,
             const double* radius,
             double period,
-            double margin,
             std::vector<ClosePair>* pairs);
 
  private:

@@ -10,10 +10,9 @@ struct Domain {
   enum class Kind {
     // No boundary.
     OPEN,
-    // The paper's rule (sec. 7): where a coordinate of an outgoing grain
-    // exceeds
-    // the boundary, r_x -> -r_x, velocity kept. Forces and contacts know no
-    // images, so that a jump changes the potential energy.
+    // The paper's rule (sec. 7): where a coordinate of an outgoing grain is
+    // beyond the boundary, r_x -> -r_x, velocity kept. Forces and contacts know
+    // no images, so that a jump changes the potential energy.
     REENTRY,
     // Periodic, forces and contacts with the nearest image: a jump changes
     // nothing.

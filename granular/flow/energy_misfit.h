@@ -68,6 +68,7 @@ double IntegrateDifference(const std::vector<double>& time_a,
                            const std::vector<double>& b,
                            double end,
                            const std::vector<double>& weight = {});
+// y at a time, that of the nearest end beyond both ends. Not for none.
 double Interpolate(const std::vector<double>& time,
                    const std::vector<double>& y,
                    double at);

@@ -4,9 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "granular/contact_energy.h"
 #include "solvers/format.h"
-#include "solvers/random.h"
 
 namespace granopt {
 namespace {
@@ -23,7 +21,7 @@ bool InRange(const char* what,
   return false;
 }
 
-// f(entry, grain) for all coordinates of all grains.
+// f(entry, grain, axis) for all coordinates of all grains.
 template <typename Function>
 void ForEntries(int n, int stride, const Function& f) {
   for (int k = 0; k < 3; ++k) {
@@ -57,6 +55,74 @@ bool CheckImpact(const ImpactOptions& impact, std::string* error) {
   return true;
 }
 
+bool CheckOptions(const FlowSceneOptions& options, std::string* error) {
+  const Grains& grains = options.grains;
+  const int n = grains.size();
+  if (n < 1) {
+    *error = "a flow needs at least one grain";
+    return false;
+  }
+  if (static_cast<int>(grains.radius.size()) != n ||
+      (!grains.is_pinned.empty() &&
+       static_cast<int>(grains.is_pinned.size()) != n)) {
+    *error = Format("%d masses, %zu radii, %zu marks of pinned grains",
+                    n,
+                    grains.radius.size(),
+                    grains.is_pinned.size());
+    return false;
+  }
+  for (int i = 0; i < n; ++i) {
+    for (const double value : {grains.mass[i], grains.radius[i]}) {
+      if (!(value > 0.0 && std::isfinite(value))) {
+        *error = Format("grain %d: mass %g and radius %g must be positive",
+                        i,
+                        grains.mass[i],
+                        grains.radius[i]);
+        return false;
+      }
+    }
+  }
+  if (options.impact && options.soft_contact) {
+    *error = "impacts and soft contacts exclude each other";
+    return false;
+  }
+  if (options.impact && !CheckImpact(*options.impact, error)) return false;
+  constexpr double kFinite = std::numeric_limits<double>::max();
+  const auto& soft = options.soft_contact;
+  if (soft &&
+      (!InRange("contact stiffness", soft->stiffness, 0.0, kFinite, error) ||
+       !InRange("contact exponent alpha", soft->alpha, 2.0, 10.0, error))) {
+    return false;
+  }
+  if (!InRange("damping", options.damping, 0.0, kFinite, error)) return false;
+  if (options.external) {
+    const ExternalForce& force = *options.external;
+    bool is_finite =
+        std::isfinite(force.frequency) && std::isfinite(force.phase);
+    for (int k = 0; k < 3; ++k) {
+      is_finite = is_finite && std::isfinite(force.constant[k]) &&
+                  std::isfinite(force.amplitude[k]);
+    }
+    if (!is_finite) {
+      *error = Format(
+          "external force: frequency %g, phase %g and vectors must be finite",
+          force.frequency,
+          force.phase);
+      return false;
+    }
+  }
+  const double largest =
+      *std::max_element(grains.radius.begin(), grains.radius.end());
+  if (options.domain.kind != Domain::Kind::OPEN &&
+      !(options.domain.side >= 4.0 * largest)) {
+    *error = Format("cube of side %g is smaller than four radii (%g)",
+                    options.domain.side,
+                    largest);
+    return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 void ExternalForce::At(double time, double* acceleration) const {
@@ -78,82 +144,21 @@ const char* WeightName(FlowSceneOptions::Weight weight) {
   return "";
 }
 
+bool ParseWeight(const std::string& word, FlowSceneOptions::Weight* weight) {
+  using Weight = FlowSceneOptions::Weight;
+  for (const Weight known : {Weight::MASS, Weight::AREA, Weight::ONE}) {
+    if (word != WeightName(known)) continue;
+    *weight = known;
+    return true;
+  }
+  return false;
+}
+
 std::unique_ptr<FlowScene> FlowScene::Create(const FlowSceneOptions& options,
                                              std::string* error) {
+  if (!CheckOptions(options, error)) return nullptr;
   const Grains& grains = options.grains;
   const int n = grains.size();
-  if (n < 1) {
-    *error = "a flow needs at least one grain";
-    return nullptr;
-  }
-  if (static_cast<int>(grains.radius.size()) != n ||
-      (!grains.is_pinned.empty() &&
-       static_cast<int>(grains.is_pinned.size()) != n)) {
-    *error = Format("%d masses, %zu radii", n, grains.radius.size());
-    return nullptr;
-  }
-  for (int i = 0; i < n; ++i) {
-    for (const double value : {grains.mass[i], grains.radius[i]}) {
-      if (!(value > 0.0 && std::isfinite(value))) {
-        *error = Format("grain %d: mass %g and radius %g must be positive",
-                        i,
-                        grains.mass[i],
-                        grains.radius[i]);
-        return nullptr;
-      }
-    }
-  }
-  if (options.impact && options.soft_contact) {
-    *error = "impacts and soft contacts exclude each other";
-    return nullptr;
-  }
-  if (options.impact && !CheckImpact(*options.impact, error)) return nullptr;
-  if (options.soft_contact) {
-    if (!InRange("contact stiffness",
-                 options.soft_contact->stiffness,
-                 0.0,
-                 std::numeric_limits<double>::max(),
-                 error) ||
-        !InRange("contact exponent alpha",
-                 options.soft_contact->alpha,
-                 2.0,
-                 10.0,
-                 error)) {
-      return nullptr;
-    }
-  }
-  if (!InRange("damping",
-               options.damping,
-               0.0,
-               std::numeric_limits<double>::max(),
-               error)) {
-    return nullptr;
-  }
-  if (options.external) {
-    const ExternalForce& force = *options.external;
-    bool is_finite =
-        std::isfinite(force.frequency) && std::isfinite(force.phase);
-    for (int k = 0; k < 3; ++k) {
-      is_finite = is_finite && std::isfinite(force.constant[k]) &&
-                  std::isfinite(force.amplitude[k]);
-    }
-    if (!is_finite) {
-      *error = Format(
-          "external force: frequency %g, phase %g and vectors must be finite",
-          force.frequency,
-          force.phase);
-      return nullptr;
-    }
-  }
-  const double largest =
-      *std::max_element(grains.radius.begin(), grains.radius.end());
-  if (options.domain.kind != Domain::Kind::OPEN &&
-      !(options.domain.side >= 4.0 * largest)) {
-    *error = Format("cube of side %g is smaller than four radii (%g)",
-                    options.domain.side,
-                    largest);
-    return nullptr;
-  }
   std::unique_ptr<FlowScene> scene(new FlowScene);
   scene->options_ = options;
   scene->n_ = n;
@@ -265,7 +270,6 @@ void FlowScene::FindContacts(const double* x,
                x,
                options_.grains.radius.data(),
                options_.domain.period(),
-               0.0,
                pairs);
 }
 
@@ -450,16 +454,7 @@ void FlowScene::Book(const SmoothForces& forces,
   }
 }
 
-void FlowScene::BookImpacts(const ImpactWork& work, FlowState* state) const {
-  state->energy.impact += work.normal;
-  state->energy.friction += work.friction;
-  state->impulses += work.impulses;
-  state->sticking += work.sticking;
-  if (options_.grains.is_pinned.empty()) return;
-  for (int k = 0; k < 3; ++k) state->momentum.fixed[k] += work.fixed[k];
-}
-
-void FlowScene::BookDamping(const double* impulse_velocity,
+void FlowScene::BookDamping(const double* drag_velocity,
                             double duration,
                             const double* u,
                             const double* v,
@@ -468,10 +463,34 @@ void FlowScene::BookDamping(const double* impulse_velocity,
   ForEntries(n_, stride_, [&](int e, int i, int k) {
     if (inverse_mass_[i] == 0.0) return;
     const double impulse = -options_.damping * options_.grains.mass[i] *
-                           duration * impulse_velocity[e];
+                           duration * drag_velocity[e];
     state->energy.damping += 0.5 * impulse * (u[e] + v[e]);
     state->momentum.damping[k] += impulse;
   });
+}
+
+void FlowScene::EndStep(double dt,
+                        const ImpactWork& impacts,
+                        const SmoothForces* forces,
+                        std::vector<double>* x,
+                        std::vector<double>* v,
+                        FlowState* state) const {
+  state->energy.impact += impacts.normal;
+  state->energy.friction += impacts.friction;
+  state->impulses += impacts.impulses;
+  state->sticking += impacts.sticking;
+  if (!options_.grains.is_pinned.empty()) {
+    for (int k = 0; k < 3; ++k) state->momentum.fixed[k] += impacts.fixed[k];
+  }
+  if (forces != nullptr) {
+    state->worst_balance = std::max(state->worst_balance, Balance(*forces));
+  }
+  state->fast += LargestMove(v->data(), dt) > 1.0 ? 1 : 0;
+  state->x.swap(*x);
+  state->v.swap(*v);
+  state->time += dt;
+  ++state->steps;
+  ApplyBoundary(state);
 }
 
 double FlowScene::Balance(const SmoothForces& forces) const {
@@ -563,195 +582,6 @@ std::string FlowScene::DescribeClosest(const double* x, double* ratio) const {
                 first,
                 second,
                 *ratio);
-}
-
-// ---------------------------------------------------------------- starts
-
-bool MakeStart(const FlowStart& start,
-               Grains* grains,
-               FlowState* state,
-               std::string* error) {
-  const int n = start.particles;
-  const int stride = FlowStride(n);
-  const double radius = start.length_ratio * start.side / std::cbrt(1.0 * n);
-  const double mass =
-      start.density * (4.0 / 3.0) * kPi * radius * radius * radius;
-  grains->mass.assign(n, mass);
-  grains->radius.assign(n, radius);
-  grains->is_pinned.clear();
-  state->x.assign(3 * static_cast<std::size_t>(stride), 0.0);
-  state->v = state->x;
-  UniformRandom random(start.seed);
-  // Cells of one diameter or more with the grains placed so far, for large n;
-  // at most some eight a grain, however small the grains.
-  const int most = static_cast<int>(std::ceil(std::cbrt(8.0 * n)));
-  const int cells = static_cast<int>(std::clamp(
-      start.side / (2.0 * radius), 1.0, std::min(400.0, 1.0 * most)));
-  std::vector<int> first(static_cast<std::size_t>(cells) * cells * cells, -1);
-  std::vector<int> next(n, -1);
-  const auto cell_of = [&](double y) {
-    return std::clamp(
-        static_cast<int>((y / start.side + 0.5) * cells), 0, cells - 1);
-  };
-  const bool is_periodic = start.period > 0.0 && cells >= 3;
-  for (int i = 0; i < n; ++i) {
-    bool is_free = false;
-    double at[3] = {};
-    int own[3] = {};
-    for (int attempt = 0; attempt < std::max(1, start.attempts) && !is_free;
-         ++attempt) {
-      for (int k = 0; k < 3; ++k) {
-        at[k] = start.side * (random() - 0.5);
-        own[k] = cell_of(at[k]);
-      }
-      is_free = true;
-      if (start.attempts == 0) break;
-      const auto overlaps = [&](int j) {
-        double square = 0.0;
-        for (int k = 0; k < 3; ++k) {
-          double d = state->x[k * stride + j] - at[k];
-          if (start.period > 0.0) {
-            d -= start.period * std::nearbyint(d / start.period);
-          }
-          square += d * d;
-        }
-        return square < 4.0 * radius * radius;
-      };
-      if (start.period > 0.0 && !is_periodic) {
-        for (int j = 0; j < i && is_free; ++j) is_free = !overlaps(j);
-        continue;
-      }
-      for (int offset = 0; offset < 27 && is_free; ++offset) {
-        const int shift[3] = {
-            offset / 9 - 1, offset / 3 % 3 - 1, offset % 3 - 1};
-        int index = 0;
-        bool is_inside = true;
-        for (int k = 0; k < 3; ++k) {
-          int c = own[k] + shift[k];
-          if (is_periodic) {
-            c = (c + cells) % cells;
-          } else if (c < 0 || c >= cells) {
-            is_inside = false;
-          }
-          index = index * cells + c;
-        }
-        if (!is_inside) continue;
-        for (int j = first[index]; j >= 0 && is_free; j = next[j]) {
-          is_free = !overlaps(j);
-        }
-      }
-    }
-    if (!is_free) {
-      *error = Format(
-          "placement impossible: no place for grain %d of %d after %d attempts "
-          "(volume fraction %.3g; random placement ends near 0.38)",
-          i + 1,
-          n,
-          start.attempts,
-          n * (4.0 / 3.0) * kPi * radius * radius * radius /
-              (start.side * start.side * start.side));
-      return false;
-    }
-    const int index = (own[0] * cells + own[1]) * cells + own[2];
-    next[i] = first[index];
-    first[index] = i;
-    for (int k = 0; k < 3; ++k) state->x[k * stride + i] = at[k];
-  }
-  double sum[3] = {};
-  for (int i = 0; i < n; ++i) {
-    for (int k = 0; k < 3; ++k) {
-      const double v = start.perturbation[k] * (2.0 * random() - 1.0);
-      state->v[k * stride + i] = v;
-      sum[k] += v;
-    }
-  }
-  for (int i = 0; i < n; ++i) {
-    for (int k = 0; k < 3; ++k) {
-      double& v = state->v[k * stride + i];
-      v = start.mean[k] + (v - sum[k] / n);
-    }
-  }
-  return true;
-}
-
-bool RelaxOverlaps(const Grains& grains,
-                   const Domain& domain,
-                   const Solver& solver,
-                   FlowState* state,
-                   std::string* report,
-                   std::string* error) {
-  const int n = grains.size();
-  const int stride = grains.stride();
-  // Radii a little larger, so that the end, whose overlaps are small but not 0,
-  // has gaps. An open or non-periodic domain is a cell that no image reaches
-  // across.
-  constexpr double kMargin = 1e-3;
-  double low[3], high[3], length = 0.0;
-  double largest = 0.0;
-  for (int i = 0; i < n; ++i) largest = std::max(largest, grains.radius[i]);
-  for (int k = 0; k < 3; ++k) {
-    const auto ends = std::minmax_element(state->x.begin() + k * stride,
-                                          state->x.begin() + k * stride + n);
-    low[k] = *ends.first;
-    high[k] = *ends.second;
-    length = std::max(length, high[k] - low[k]);
-  }
-  const bool is_periodic = domain.period() > 0.0;
-  Packing packing;
-  packing.box =
-      Box::Cube(3, is_periodic ? domain.side : 2.0 * length + 16.0 * largest);
-  packing.positions.resize(3, n);
-  packing.radii.resize(n);
-  for (int i = 0; i < n; ++i) {
-    packing.radii[i] = grains.radius[i] * (1.0 + kMargin);
-    for (int k = 0; k < 3; ++k) {
-      packing.positions(k, i) = state->x[k * stride + i];
-    }
-  }
-  const std::unique_ptr<ContactEnergy> energy =
-      ContactEnergy::Create(packing, {}, error);
-  if (energy == nullptr) return false;
-  std::vector<double> u(3 * static_cast<std::size_t>(n), 0.0);
-  SolveOptions options;
-  options.relative_tolerance = 1e-6;
-  const Summary summary = solver.Minimize(energy.get(), options, u.data());
-  const Packing end = energy->Configuration(u.data());
-  double moved = 0.0;
-  for (int i = 0; i < n; ++i) {
-    double square = 0.0;
-    for (int k = 0; k < 3; ++k) {
-      double& x = state->x[k * stride + i];
-      const double d = end.positions(k, i) - x;
-      square += d * d;
-      x += d;
-    }
-    moved = std::max(moved, std::sqrt(square) / grains.radius[i]);
-  }
-  ContactSearch search;
-  std::vector<ClosePair> pairs;
-  search.Find(n,
-              stride,
-              state->x.data(),
-              grains.radius.data(),
-              domain.period(),
-              0.0,
-              &pairs);
-  if (!pairs.empty()) {
-    *error = Format(
-        "overlapping start: %zu pairs overlap still after %s (%s): the grains "
-        "jam",
-        pairs.size(),
-        solver.name().c_str(),
-        StopReasonName(summary.reason));
-    return false;
-  }
-  *report = Format(
-      "%s, %lld evaluations, no grain moved by more than %.3g "
-      "radii",
-      solver.name().c_str(),
-      static_cast<long long>(summary.counters.evaluations),
-      moved);
-  return true;
 }
 
 }  // namespace granopt

@@ -11,7 +11,6 @@
 
 #include <array>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -24,7 +23,6 @@
 #include "granular/flow/ingredients.h"
 #include "granular/flow/near_field.h"
 #include "granular/flow/soft_contact.h"
-#include "solvers/solver.h"
 
 namespace granopt {
 
@@ -91,6 +89,8 @@ struct FlowSceneOptions {
 
 // "mass", "area", "one".
 const char* WeightName(FlowSceneOptions::Weight weight);
+// False for another word.
+bool ParseWeight(const std::string& word, FlowSceneOptions::Weight* weight);
 
 // Smooth forces by origin; empty where the scene has none.
 struct SmoothForces {
@@ -104,6 +104,7 @@ struct SmoothForces {
 // model of their contact has long lost its meaning.
 constexpr double kCollapsedDistance = 0.01;
 
+// Calls of one scene share workspaces: not for two threads at a time.
 class FlowScene {
  public:
   // Null and one line in `error` for anything out of range: e outside [0, 1],
@@ -118,7 +119,6 @@ class FlowScene {
   const NearField* near_field() const { return near_field_.get(); }
   const std::vector<double>& inverse_mass() const { return inverse_mass_; }
   double total_mass() const { return total_mass_; }  // of those that move
-  double least_radius() const { return least_radius_; }
 
   // State at the start of a run: zeros the ledgers, checks that no two grains
   // are at one place or (for impacts) overlap.
@@ -144,31 +144,35 @@ class FlowScene {
   // After a step: moves grains that left the domain, books what that did.
   void ApplyBoundary(FlowState* state) const;
 
-  // Books the smooth part of a step: velocities u -> v by `share` dt F of each
-  // of one or two force fields, and by damping.
+  // Book what acts in a step in which velocities change from u to v: forces for
+  // `duration`, and damping by -d `drag_velocity` for `duration`.
   void Book(const SmoothForces& forces,
             double duration,
             const double* u,
             const double* v,
             FlowState* state) const;
-  void BookImpacts(const ImpactWork& work, FlowState* state) const;
-  void BookDamping(const double* impulse_velocity,
+  void BookDamping(const double* drag_velocity,
                    double duration,
                    const double* u,
                    const double* v,
                    FlowState* state) const;
-  // |sum Psi^INT| / sum |Psi^INT| of a force field (6.10).
-  double Balance(const SmoothForces& forces) const;
-  // Largest distance that a grain moves in `duration`, over its radius.
-  double LargestMove(const double* v, double duration) const;
+  // Ends a step of length dt at positions x and velocities v, which are left
+  // with those of its start: books impacts, the balance (6.10) of `forces`
+  // (null: there were none), grains that moved by more than a radius, the
+  // boundary.
+  void EndStep(double dt,
+               const ImpactWork& impacts,
+               const SmoothForces* forces,
+               std::vector<double>* x,
+               std::vector<double>* v,
+               FlowState* state) const;
 
   // numerical of (L2), and the roundoff of (L1).
   double Numerical(const FlowState& state, double potential) const;
   double Closure(const FlowState& state, double kinetic) const;
 
-  // True, with one line in `error`, if two grains are closer than that in the
-  // last Forces() and attract each other all the same: nothing holds them
-  // apart.
+  // True, with one line in `error`, if two grains have collapsed in the last
+  // Forces() and attract each other all the same: nothing holds them apart.
   bool HasCollapsed(const double* x, double time, std::string* error) const;
 
   // The closest pair, for messages: "grains 3 and 17 are at 0.31 of the sum of
@@ -177,6 +181,10 @@ class FlowScene {
 
  private:
   FlowScene() = default;
+  // |sum Psi^INT| / sum |Psi^INT| of a force field (6.10).
+  double Balance(const SmoothForces& forces) const;
+  // Largest distance that a grain moves in `duration`, over its radius.
+  double LargestMove(const double* v, double duration) const;
   // V of one grain with all others if it were at `at`.
   double PotentialOf(int i, const double* x, const double* at) const;
 
@@ -190,41 +198,6 @@ class FlowScene {
   mutable ContactSearch search_;
   mutable std::vector<ClosePair> pairs_;
 };
-
-// ---------------------------------------------------------------- starts
-
-// The paper's start (sec. 7): n equal grains of radius L V^(1/3), V = D^3 / n,
-// and mass rho 4 pi b^3 / 3 (7.1)-(7.2), centres uniform in the cube of side D
-// around 0 without overlap (by images, if `period` > 0); velocities mean +
-// perturbation * uniform in [-1, 1] for each component, shifted so that their
-// mean is `mean`.
-struct FlowStart {
-  int particles = 100;
-  double side = 1.0;
-  double length_ratio = 0.25;  // L
-  double density = 2000.0;
-  double mean[3] = {1.0, 0.1, 0.1};
-  double perturbation[3] = {1.0, 0.1, 0.1};
-  std::uint64_t seed = 1;
-  double period = 0.0;
-  // Random places tried for a grain; 0: overlaps are allowed.
-  int attempts = 10000;
-};
-// False with one line in `error` if a grain finds no place.
-bool MakeStart(const FlowStart& start,
-               Grains* grains,
-               FlowState* state,
-               std::string* error);
-
-// Moves grains apart until none overlap, by minimizing the contact energy
-// (Harmonic) of the radii enlarged a little; velocities are kept. False with
-// one line in `error` if overlaps remain. Returns what it did in `report`.
-bool RelaxOverlaps(const Grains& grains,
-                   const Domain& domain,
-                   const Solver& solver,
-                   FlowState* state,
-                   std::string* report,
-                   std::string* error);
 
 }  // namespace granopt
 

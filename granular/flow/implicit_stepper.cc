@@ -3,7 +3,7 @@
 #include <limits>
 #include <vector>
 
-#include "granular/flow/stepper.h"
+#include "granular/flow/backward_euler.h"
 #include "solvers/format.h"
 #include "solvers/threads.h"
 
@@ -12,108 +12,63 @@ namespace {
 
 using Sweep = StepperOptions::Sweep;
 
-class ImplicitStepper : public Stepper {
+class ImplicitStepper : public BackwardEuler {
  public:
-  explicit ImplicitStepper(const StepperOptions& options) : options_(options) {}
+  explicit ImplicitStepper(const StepperOptions& options)
+      : BackwardEuler(options) {}
 
   double FirstStep() const override {
     return options_.is_adaptive ? std::min(options_.first_step, options_.step)
                                 : options_.step;
   }
 
-  bool Step(const FlowScene& scene,
-            double limit,
-            FlowState* state,
-            StepReport* report,
-            std::string* error) override {
-    const std::size_t size = state->x.size();
+ protected:
+  void Begin(const FlowScene& scene, FlowState* state) override {
     scene.Forces(state->x.data(), state->time, false, &start_);
     ++state->sweeps;
-    if (scene.options().impact) {
-      scene.FindContacts(state->x.data(), &pairs_);
-      FreezeImpacts(pairs_,
-                    *scene.options().impact,
-                    scene.stride(),
-                    state->v.data(),
-                    &impacts_);
-    }
-    double wanted = options_.is_adaptive ? std::min(state->step, options_.step)
-                                         : options_.step;
-    const double floor = options_.floor * options_.step;
-    for (int attempt = 0; attempt < options_.max_attempts; ++attempt) {
-      const double dt = std::min(wanted, limit);
-      x_ = state->x;
-      v_.assign(size, 0.0);
-      double factor;
-      const Outcome outcome = Iterate(scene, dt, state, report, &factor);
-      if (outcome == Outcome::CONVERGED) {
-        Accept(scene, dt, factor, wanted, state, report);
-        return !scene.HasCollapsed(state->x.data(), state->time, error);
-      }
-      ++state->rejected;
-      report->rejections.push_back(
-          {state->time,
-           dt,
-           iterations_,
-           change_ / options_.tolerance,
-           outcome == Outcome::NOT_FINITE ? "not finite" : "not converged"});
-      if (!options_.is_adaptive) {
-        *error = Format(
-            "step %.3g at t = %.9g did not converge: change %.2e > "
-            "%.2e after %d iterations",
-            dt,
-            state->time,
-            change_,
-            options_.tolerance,
-            iterations_);
-        return false;
-      }
-      wanted = factor * dt;
-      if (wanted < floor) break;
-    }
-    double ratio;
-    const std::string closest = scene.DescribeClosest(state->x.data(), &ratio);
-    *error = Format("%s at t = %.9g: Dt would fall below %.1e of its limit; %s",
-                    ratio < kCollapsedDistance ? "collapse" : "step floor",
-                    state->time,
-                    options_.floor,
-                    closest.c_str());
+  }
+
+  bool Solve(const FlowScene& scene,
+             double dt,
+             FlowState* state,
+             StepReport* report,
+             Failure* failure) override {
+    x_ = state->x;
+    v_.assign(state->x.size(), 0.0);
+    const Outcome outcome = Iterate(scene, dt, state, report);
+    if (outcome == Outcome::CONVERGED) return true;
+    failure->iterations = iterations_;
+    failure->ratio = change_ / options_.tolerance;
+    failure->reason =
+        outcome == Outcome::NOT_FINITE ? "not finite" : "not converged";
+    failure->message =
+        Format(" did not converge: change %.2e > %.2e after %d iterations",
+               change_,
+               options_.tolerance,
+               iterations_);
+    failure->factor = factor_;
     return false;
+  }
+
+  double NextStep(double dt, double wanted) const override {
+    return dt < wanted ? std::max(wanted, factor_ * dt) : factor_ * dt;
   }
 
  private:
   enum class Outcome { CONVERGED, NOT_CONVERGED, NOT_FINITE };
 
-  // u after impacts, given forces; impulses of impacts are those of this pass.
-  void ApplyContacts(const FlowScene& scene,
-                     double dt,
-                     const std::vector<double>& force,
-                     const FlowState& state) {
-    u_ = state.v;
-    work_ = {};
-    if (impacts_.empty() || !scene.options().impact) return;
-    work_ = ApplyImpacts(impacts_,
-                         *scene.options().impact,
-                         dt,
-                         scene.stride(),
-                         scene.inverse_mass().data(),
-                         force.data(),
-                         u_.data());
-  }
-
   // The fixed point of one step from x_ = r^L; v_ and used_ are those of its
-  // last iterate. `factor`: Phi.
+  // last iterate.
   Outcome Iterate(const FlowScene& scene,
                   double dt,
                   FlowState* state,
-                  StepReport* report,
-                  double* factor) {
+                  StepReport* report) {
     const int n = scene.size(), stride = scene.stride();
     const std::vector<double>& w = scene.inverse_mass();
     const double shrink = 1.0 / (1.0 + dt * scene.options().damping);
     const double gamma = options_.relaxation;
     double first_change = 1.0;
-    *factor = 0.5;
+    factor_ = 0.5;
     change_ = std::numeric_limits<double>::infinity();
     for (int k = 1; k <= options_.desired_iterations; ++k) {
       iterations_ = k;
@@ -128,7 +83,7 @@ class ImplicitStepper : public Stepper {
         scene.Forces(x_.data(), state->time + dt, false, &used_);
         ++state->sweeps;
       }
-      ApplyContacts(scene, dt, used_.total, *state);
+      ApplyContacts(scene, dt, *state);
       last_ = x_;
       if (options_.sweep == Sweep::JACOBI || scene.near_field() == nullptr) {
         for (int c = 0; c < 3; ++c) {
@@ -160,7 +115,7 @@ class ImplicitStepper : public Stepper {
       if (k == 1) first_change = change_;
       if (change_ <= options_.tolerance) break;
     }
-    *factor = options_.safety * Phi(first_change);
+    factor_ = options_.safety * Phi(first_change);
     return change_ <= options_.tolerance ? Outcome::CONVERGED
                                          : Outcome::NOT_CONVERGED;
   }
@@ -169,7 +124,7 @@ class ImplicitStepper : public Stepper {
   // do: ten times, for one.
   double Phi(double first_change) const {
     constexpr double kMost = 10.0;
-    const double p = options_.order;
+    constexpr double p = 2.0;  // of eta = S Dt^p
     if (first_change <= options_.tolerance || change_ <= 0.0) return kMost;
     const double target = std::pow(options_.tolerance / first_change,
                                    1.0 / (p * options_.desired_iterations));
@@ -188,13 +143,13 @@ class ImplicitStepper : public Stepper {
     const int groups = options_.sweep == Sweep::GAUSS_SEIDEL
                            ? 1
                            : std::min(options_.groups, n);
+    const auto first_of = [n, groups](int g) {
+      return static_cast<int>(static_cast<long long>(n) * g / groups);
+    };
     std::vector<std::vector<double>> frozen(groups);
     std::vector<int> inner(groups, 0);
     ForEach(groups, [&](int g) {
-      const int first =
-          static_cast<int>(static_cast<long long>(n) * g / groups);
-      const int end =
-          static_cast<int>(static_cast<long long>(n) * (g + 1) / groups);
+      const int first = first_of(g), end = first_of(g + 1);
       std::vector<double>& x = frozen[g];
       x = x_;
       const int most = options_.sweep == Sweep::GAUSS_SEIDEL ? 1 : kMostInner;
@@ -209,14 +164,9 @@ class ImplicitStepper : public Stepper {
       }
     });
     // Work in sweeps over all grains.
-    int most = 0;
-    for (const int passes : inner) most = std::max(most, passes);
-    state->sweeps += most;
+    state->sweeps += *std::max_element(inner.begin(), inner.end());
     for (int g = 0; g < groups; ++g) {
-      const int first =
-          static_cast<int>(static_cast<long long>(n) * g / groups);
-      const int end =
-          static_cast<int>(static_cast<long long>(n) * (g + 1) / groups);
+      const int first = first_of(g), end = first_of(g + 1);
       for (int c = 0; c < 3; ++c) {
         std::copy(frozen[g].begin() + c * stride + first,
                   frozen[g].begin() + c * stride + end,
@@ -257,41 +207,13 @@ class ImplicitStepper : public Stepper {
     *way += std::sqrt(b);
   }
 
-  void Accept(const FlowScene& scene,
-              double dt,
-              double factor,
-              double wanted,
-              FlowState* state,
-              StepReport* report) {
-    scene.Book(used_, dt, u_.data(), v_.data(), state);
-    scene.BookDamping(v_.data(), dt, u_.data(), v_.data(), state);
-    scene.BookImpacts(work_, state);
-    state->worst_balance = std::max(state->worst_balance, scene.Balance(used_));
-    state->fast += scene.LargestMove(v_.data(), dt) > 1.0 ? 1 : 0;
-    state->x.swap(x_);
-    state->v.swap(v_);
-    state->time += dt;
-    ++state->steps;
-    // A step cut short by the end of the run says nothing about the next.
-    if (options_.is_adaptive) {
-      state->step =
-          std::min(options_.step,
-                   dt < wanted ? std::max(wanted, factor * dt) : factor * dt);
-    }
-    scene.ApplyBoundary(state);
-    report->step = dt;
-  }
-
   static constexpr int kMostInner = 20;
 
-  const StepperOptions options_;
-  std::vector<double> x_, v_, u_, last_;
-  SmoothForces start_, used_;
-  std::vector<ClosePair> pairs_;
-  std::vector<Impact> impacts_;
-  ImpactWork work_;
+  std::vector<double> last_;
+  SmoothForces start_;  // at r^L
   int iterations_ = 0;
   double change_ = 0.0;
+  double factor_ = 1.0;  // on Dt
 };
 
 }  // namespace

@@ -25,8 +25,6 @@ class IncrementalPotential : public SecondOrderFunction {
   }
   int BlockSize() const override { return 3; }
   std::int64_t PatternVersion() const override { return 1; }
-  // Of the last evaluation.
-  const SmoothForces& forces() const { return forces_; }
   // The unit of displacements: the mean way of a grain in the step.
   double length() const { return length_; }
   void set_length(double length) { length_ = length; }

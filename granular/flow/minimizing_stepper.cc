@@ -3,108 +3,63 @@
 #include <vector>
 
 #include "Eigen/Cholesky"
+#include "granular/flow/backward_euler.h"
 #include "granular/flow/incremental_potential.h"
-#include "granular/flow/stepper.h"
-#include "solvers/format.h"
 
 namespace granopt {
 namespace {
 
-class MinimizingStepper : public Stepper {
+class MinimizingStepper : public BackwardEuler {
  public:
   MinimizingStepper(const StepperOptions& options,
                     std::unique_ptr<Solver> solver)
-      : options_(options), solver_(std::move(solver)) {}
+      : BackwardEuler(options), solver_(std::move(solver)) {}
 
   double FirstStep() const override { return options_.step; }
 
-  bool Step(const FlowScene& scene,
-            double limit,
-            FlowState* state,
-            StepReport* report,
-            std::string* error) override {
-    const int stride = scene.stride();
-    const auto& impact = scene.options().impact;
-    impacts_.clear();
-    if (impact) {
-      scene.FindContacts(state->x.data(), &pairs_);
-      FreezeImpacts(pairs_, *impact, stride, state->v.data(), &impacts_);
-    }
-    double wanted = options_.is_adaptive ? std::min(state->step, options_.step)
-                                         : options_.step;
-    const double floor = options_.floor * options_.step;
-    for (int attempt = 0; attempt < options_.max_attempts; ++attempt) {
-      const double dt = std::min(wanted, limit);
-      Summary summary;
-      double change;
-      if (Solve(scene, dt, state, report, &summary, &change)) {
-        Accept(scene, dt, state, report);
-        if (scene.HasCollapsed(state->x.data(), state->time, error)) {
-          return false;
-        }
-        // As slowly back as it was taken fast.
-        if (options_.is_adaptive) {
-          state->step = std::min(options_.step, 1.5 * wanted);
-        }
-        return true;
-      }
-      ++state->rejected;
-      report->rejections.push_back(
-          {state->time,
-           dt,
-           static_cast<int>(summary.counters.iterations),
-           summary.Succeeded()
-               ? change / options_.tolerance
-               : summary.max_gradient / std::max(summary.tolerance, 1e-300),
-           summary.Succeeded() ? "impacts not converged"
-                               : StopReasonName(summary.reason)});
-      if (!options_.is_adaptive) {
-        *error = Format("step %.3g at t = %.9g: %s: %s",
-                        dt,
-                        state->time,
-                        solver_->name().c_str(),
-                        summary.message.c_str());
-        return false;
-      }
-      wanted = 0.5 * dt;
-      if (wanted < floor) break;
-    }
-    double ratio;
-    const std::string closest = scene.DescribeClosest(state->x.data(), &ratio);
-    *error = Format("%s at t = %.9g: Dt would fall below %.1e of its limit; %s",
-                    ratio < kCollapsedDistance ? "collapse" : "step floor",
-                    state->time,
-                    options_.floor,
-                    closest.c_str());
-    return false;
-  }
-
- private:
+ protected:
   bool Solve(const FlowScene& scene,
              double dt,
              FlowState* state,
              StepReport* report,
-             Summary* summary,
-             double* change) {
+             Failure* failure) override {
+    Summary summary;
+    double change;
+    if (Minimize(scene, dt, state, report, &summary, &change)) {
+      SetVelocities(scene, dt);
+      return true;
+    }
+    failure->iterations = static_cast<int>(summary.counters.iterations);
+    failure->ratio =
+        summary.Succeeded()
+            ? change / options_.tolerance
+            : summary.max_gradient / std::max(summary.tolerance, 1e-300);
+    failure->reason = summary.Succeeded() ? "impacts not converged"
+                                          : StopReasonName(summary.reason);
+    failure->message = ": " + solver_->name() + ": " + summary.message;
+    return false;
+  }
+
+  // As slowly back as it was taken fast.
+  double NextStep(double, double wanted) const override { return 1.5 * wanted; }
+
+ private:
+  // Passes of minimization and impacts until they agree.
+  bool Minimize(const FlowScene& scene,
+                double dt,
+                FlowState* state,
+                StepReport* report,
+                Summary* summary,
+                double* change) {
     const int n = scene.size(), stride = scene.stride();
     const std::vector<double>& w = scene.inverse_mass();
     scene.Forces(state->x.data(), state->time + dt, false, &used_);
     ++state->sweeps;
     *change = 0.0;
-    std::vector<double> s, previous;
+    std::vector<double> s;
     for (int pass = 0; pass < options_.desired_iterations; ++pass) {
       ++report->iterations;
-      u_ = state->v;
-      work_ = {};
-      if (!impacts_.empty()) {
-        work_ = ApplyImpacts(impacts_,
-                             *scene.options().impact,
-                             dt,
-                             stride,
-                             w.data(),
-                             used_.total.data(),
-                             u_.data());
-      }
+      ApplyContacts(scene, dt, *state);
       IncrementalPotential phi(scene, *state, dt, u_);
       const int m = phi.NumParameters();
       // Mean way of a grain in the step: the unit of what is tolerated.
@@ -175,41 +130,20 @@ class MinimizingStepper : public Stepper {
     return false;
   }
 
-  void Accept(const FlowScene& scene,
-              double dt,
-              FlowState* state,
-              StepReport* report) {
+  void SetVelocities(const FlowScene& scene, double dt) {
     const int n = scene.size(), stride = scene.stride();
     const double shrink = 1.0 / (1.0 + dt * scene.options().damping);
-    v_.assign(state->v.size(), 0.0);
+    v_.assign(u_.size(), 0.0);
     for (int k = 0; k < 3; ++k) {
       for (int i = 0; i < n; ++i) {
         const int e = k * stride + i;
-        v_[e] =
-            (u_[e] + dt * used_.total[e] * scene.inverse_mass()[i]) * shrink;
-        if (scene.inverse_mass()[i] == 0.0) v_[e] = 0.0;
+        const double w = scene.inverse_mass()[i];
+        if (w != 0.0) v_[e] = (u_[e] + dt * used_.total[e] * w) * shrink;
       }
     }
-    scene.Book(used_, dt, u_.data(), v_.data(), state);
-    scene.BookDamping(v_.data(), dt, u_.data(), v_.data(), state);
-    scene.BookImpacts(work_, state);
-    state->worst_balance = std::max(state->worst_balance, scene.Balance(used_));
-    state->fast += scene.LargestMove(v_.data(), dt) > 1.0 ? 1 : 0;
-    state->x.swap(x_);
-    state->v.swap(v_);
-    state->time += dt;
-    ++state->steps;
-    scene.ApplyBoundary(state);
-    report->step = dt;
   }
 
-  const StepperOptions options_;
   const std::unique_ptr<Solver> solver_;
-  std::vector<double> x_, v_, u_;
-  SmoothForces used_;
-  std::vector<ClosePair> pairs_;
-  std::vector<Impact> impacts_;
-  ImpactWork work_;
 };
 
 }  // namespace

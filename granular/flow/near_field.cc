@@ -27,6 +27,11 @@ RadialValues Evaluate(const RadialLaw& law,
 // number of threads.
 int NumPieces(int n) { return std::clamp(n / 512, 1, 16); }
 
+// Grains from which on multipoles were measured to be faster.
+int TreeFrom(double accuracy) {
+  return accuracy >= 1e-2 ? 25000 : accuracy >= 1e-3 ? 40000 : 80000;
+}
+
 }  // namespace
 
 RadialValues EvaluateLaw(const RadialLaw& law, double distance) {
@@ -43,10 +48,6 @@ double EquilibriumDistance(const RadialLaw& law) {
   }
   return std::pow(law.strength[1] / law.strength[0],
                   1.0 / (law.exponent[1] - law.exponent[0]));
-}
-
-int TreeFrom(double accuracy) {
-  return accuracy >= 1e-2 ? 25000 : accuracy >= 1e-3 ? 40000 : 80000;
 }
 
 std::unique_ptr<NearField> NearField::Create(const NearFieldOptions& options,
@@ -81,9 +82,8 @@ std::unique_ptr<NearField> NearField::Create(const NearFieldOptions& options,
         law.distance);
     return nullptr;
   }
-  const int tree_from = options.tree_from == kTreeByAccuracy
-                            ? TreeFrom(options.tree_accuracy)
-                            : options.tree_from;
+  const int tree_from = options.tree_from < 0 ? TreeFrom(options.tree_accuracy)
+                                              : options.tree_from;
   if (tree_from > 0 &&
       !(options.tree_accuracy >= 1e-9 && options.tree_accuracy <= 0.1)) {
     *error = Format("accuracy %g of the near field must be in [1e-9, 0.1]",

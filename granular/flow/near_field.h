@@ -26,16 +26,13 @@ RadialValues EvaluateLaw(const RadialLaw& law, double distance);
 // none.
 double EquilibriumDistance(const RadialLaw& law);
 
-// Where the multipole method began to be the faster one, for exponents 1 and 2.
-constexpr int kTreeByAccuracy = -1;
-int TreeFrom(double accuracy);
-
 struct NearFieldOptions {
   RadialLaw law;
   // From so many grains on a fast multipole method takes the place of the sum
   // over all pairs (near_field_tree.h), where it serves the law and there are
-  // no images. 0: never; kTreeByAccuracy: from TreeFrom(tree_accuracy).
-  int tree_from = kTreeByAccuracy;
+  // no images. 0: never; -1: where it began to be the faster one, for exponents
+  // 1 and 2.
+  int tree_from = -1;
   // Its error bound, relative to the sum of the magnitudes of the pair forces
   // on a grain.
   double tree_accuracy = 1e-3;
@@ -83,7 +80,6 @@ class NearField {
   const NearFieldOptions& options() const { return options_; }
   const RadialLaw& law() const { return options_.law; }
   const std::vector<double>& weights() const { return weights_; }
-  double period() const { return period_; }
 
  private:
   NearField() = default;

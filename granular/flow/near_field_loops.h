@@ -38,8 +38,8 @@ using NearFieldTriangle = NearFieldSums (*)(const RadialLaw& law,
                                             bool with_energy,
                                             double* const* force);
 
-// The force of all other grains on grain i if it were at `at`; `energy` (may be
-// null) is its sum of w_i w_j V(d).
+// The force of all other grains on grain i if it were at `at`; the energy is its
+// sum of w_i w_j V(d).
 using NearFieldRow = NearFieldSums (*)(const RadialLaw& law,
                                        const NearFieldView& view,
                                        int i,
@@ -48,8 +48,8 @@ using NearFieldRow = NearFieldSums (*)(const RadialLaw& law,
                                        double* force);
 
 // The forces of all grains of the view on its first `targets` ones, written to
-// force[k] (FlowStride(targets) entries at least). The energy is that of
-// ordered pairs: each pair of two targets counts twice.
+// so many entries of force[k] and to no others. The energy is that of ordered
+// pairs: each pair of two targets counts twice.
 using NearFieldCloud = NearFieldSums (*)(const RadialLaw& law,
                                          const NearFieldView& view,
                                          int targets,

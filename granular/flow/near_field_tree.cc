@@ -1,12 +1,12 @@
 #include "granular/flow/near_field_tree.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 #include <utility>
 
+#include "granular/flow/taylor_indices.h"
 #include "granular/spatial_order.h"
 #include "solvers/threads.h"
 
@@ -29,199 +29,263 @@ struct Cell {
   int size() const { return end - begin; }
 };
 
-}  // namespace
+using CellPairs = std::vector<std::pair<int, int>>;
 
-struct NearFieldTree::Workspace {
-  std::vector<std::pair<std::uint64_t, int>> order;  // code and grain
-  // In the order of the tree: places over `side`, as they are, weights.
-  std::vector<double> x[3], raw[3], weight;
-  std::vector<double> f[3];
-  std::vector<Cell> cells;
-  // By cell: moments sum w s^k / k!, sums of w |s|^m, local[l] of (-t)^l / l!.
-  std::vector<double> moments, absolute, local;
-  std::vector<std::pair<int, int>> far, near;
-  std::vector<int> far_start, far_list, near_start, near_list;
+// Cells that act on cell c: in `list` from start[c] to start[c + 1].
+struct Sources {
+  std::vector<int> start, list;
+  void Set(const CellPairs& pairs, int cells) {
+    start.assign(cells + 1, 0);
+    for (const auto& [a, b] : pairs) {
+      ++start[a + 1];
+      if (a != b) ++start[b + 1];
+    }
+    for (int c = 0; c < cells; ++c) start[c + 1] += start[c];
+    list.resize(start.back());
+    std::vector<int> next(start.begin(), start.end() - 1);
+    for (const auto& [a, b] : pairs) {
+      list[next[a]++] = b;
+      if (a != b) list[next[b]++] = a;
+    }
+  }
 };
 
-NearFieldTree::NearFieldTree() = default;
-NearFieldTree::~NearFieldTree() = default;
-
-std::unique_ptr<NearFieldTree> NearFieldTree::Create(
-    const RadialLaw& law,
-    int n,
-    const std::vector<double>& weights,
-    double accuracy) {
-  if (law.form != RadialLaw::Form::POWERS) return nullptr;
-  for (int k = 0; k < 2; ++k) {
-    if (law.strength[k] != 0.0 && law.exponent[k] < 1.0) return nullptr;
-  }
-  std::unique_ptr<NearFieldTree> tree(new NearFieldTree);
-  tree->law_ = law;
-  tree->n_ = n;
-  tree->stride_ = FlowStride(n);
-  tree->accuracy_ = accuracy;
-  tree->weights_ = weights;
-  // Measured to be about the cheapest for exponents 1 and 2: half of the time
-  // for far cells, a third for near ones.
-  const int order = accuracy >= 1e-3 ? 8 : kMaxOrder;
-  tree->taylor_ = std::make_unique<TaylorIndices>(order);
-  tree->workspace_ = std::make_unique<Workspace>();
-  return tree;
+// y^-beta; the exponents of most runs are small integers.
+double InversePower(double y, double beta) {
+  return beta == 1.0   ? 1.0 / y
+         : beta == 2.0 ? 1.0 / (y * y)
+                       : std::pow(y, -beta);
 }
 
-void NearFieldTree::Forces(const double* x,
-                           double* force,
-                           double* energy,
-                           double* least_distance,
-                           double* bound) const {
-  Workspace& w = *workspace_;
-  const TaylorIndices& taylor = *taylor_;
-  const int terms = taylor.terms();
-  const int p = taylor.order;
-  const double* const at[3] = {x, x + stride_, x + 2 * stride_};
+}  // namespace
 
-  // Lengths in units of the side of a cube around all, so that powers of
-  // lengths stay in range.
-  double low[3], side = 0.0;
-  for (int k = 0; k < 3; ++k) {
-    const auto ends = std::minmax_element(at[k], at[k] + n_);
-    low[k] = *ends.first;
-    side = std::max(side, *ends.second - *ends.first);
-  }
-  if (!(side > 0.0) || !std::isfinite(side)) side = 1.0;
-  RadialLaw law = law_;
-  for (int k = 0; k < 2; ++k) {
-    law.strength[k] *= std::pow(side, -law.exponent[k]);
-  }
-  const NearFieldLoops loops = FastestNearFieldLoops(law, false);
+class NearFieldTree::Impl {
+ public:
+  Impl(const RadialLaw& law,
+       int n,
+       const std::vector<double>& weights,
+       double accuracy)
+      : law_(law),
+        n_(n),
+        stride_(FlowStride(n)),
+        accuracy_(accuracy),
+        weights_(weights),
+        // Measured to be about the cheapest for exponents 1 and 2: half of the
+        // time for far cells, a third for near ones.
+        taylor_(accuracy >= 1e-3 ? 8 : kMaxOrder),
+        terms_(taylor_.terms()),
+        loops_(FastestNearFieldLoops(law, false)) {}
 
-  // The order of grains, along a Morton curve.
-  w.order.resize(n_);
-  for (int i = 0; i < n_; ++i) {
-    double y[3];
-    for (int k = 0; k < 3; ++k) {
-      y[k] = std::clamp((at[k][i] - low[k]) / side, 0.0, 1.0);
-    }
-    w.order[i] = {MortonCode(y, 3), i};
-  }
-  std::sort(w.order.begin(), w.order.end());
-  for (int k = 0; k < 3; ++k) {
-    w.x[k].resize(stride_);
-    w.raw[k].resize(stride_);
-    w.f[k].assign(stride_, 0.0);
+  void Forces(const double* x,
+              double* force,
+              double* energy,
+              double* least_distance,
+              double* bound) {
+    Sort(x);
+    Divide();
+    FindMoments();
+    PairCells();
+    SumFarCells();
+    SumLeaves(energy != nullptr);
+    std::fill(force, force + 3 * static_cast<std::size_t>(stride_), 0.0);
     for (int i = 0; i < n_; ++i) {
-      w.raw[k][i] = at[k][w.order[i].second];
-      w.x[k][i] = (w.raw[k][i] - low[k]) / side;
+      for (int k = 0; k < 3; ++k) {
+        force[k * stride_ + order_[i].second] = f_[k][i];
+      }
+    }
+    double least = std::numeric_limits<double>::infinity();
+    double near = 0.0, far = 0.0, far_weight = 0.0, squares = 0.0;
+    for (const TaskSums& sums : task_sums_) {
+      least = std::min(least, sums.near.least_square);
+      near += sums.near.energy;
+      far += sums.far_energy;
+      far_weight -= sums.near_weight;
+    }
+    *least_distance = std::sqrt(least);
+    *bound = worst_;
+    if (energy == nullptr) return;
+    // Of ordered pairs, so far. ln d = ln side + ln (d / side).
+    *energy = 0.5 * (near + side_ * far);
+    for (int i = 0; i < n_; ++i) squares += weights_[i] * weights_[i];
+    far_weight += cells_[0].weight * cells_[0].weight - squares;
+    for (int k = 0; k < 2; ++k) {
+      if (law_.exponent[k] != 1.0) continue;
+      *energy += (k == 0 ? 0.5 : -0.5) * law_.strength[k] * std::log(side_) *
+                 far_weight;
     }
   }
-  w.weight.resize(stride_);
-  for (int i = 0; i < n_; ++i) w.weight[i] = weights_[w.order[i].second];
+
+ private:
+  // Of the leaves of a task.
+  struct TaskSums {
+    NearFieldSums near;
+    double far_energy = 0.0;
+    double near_weight = 0.0;  // sum of w_i w_j over its near pairs
+  };
+
+  int NumTasks() const {
+    return (static_cast<int>(cells_.size()) + kTaskCells - 1) / kTaskCells;
+  }
+  // f(task, cell) for all cells, by tasks on all threads.
+  template <typename Function>
+  void ForCells(const Function& f) {
+    const int cells = static_cast<int>(cells_.size());
+    ForEach(NumTasks(), [&](int task) {
+      const int end = std::min(cells, (task + 1) * kTaskCells);
+      for (int c = task * kTaskCells; c < end; ++c) f(task, c);
+    });
+  }
+  // f(child, y) for the children of a cell, y = (sign d)^n / n! for d = c' - c.
+  template <typename Function>
+  void ForChildren(int c, double sign, const Function& f) {
+    const Cell& cell = cells_[c];
+    std::vector<double> y(terms_);
+    for (int b = 0; b < cell.children; ++b) {
+      const int child = cell.first_child + b;
+      double d[3];
+      for (int k = 0; k < 3; ++k) {
+        d[k] = sign * (cells_[child].centre[k] - cell.centre[k]);
+      }
+      taylor_.Monomials(d, y.data());
+      f(child, y);
+    }
+  }
+  // f(l, k, k + l) for all terms l, k with |k| + |l| <= order.
+  template <typename Function>
+  void ForTerms(const Function& f) {
+    for (int l = 0; l < terms_; ++l) {
+      for (int q = taylor_.pair_start[l]; q < taylor_.pair_start[l + 1]; ++q) {
+        f(l, taylor_.pair_k[q], taylor_.pair_sum[q]);
+      }
+    }
+  }
+  double* MomentsOf(int c) {
+    return &moments_[static_cast<std::size_t>(c) * terms_];
+  }
+  double* LocalOf(int c) {
+    return &local_[static_cast<std::size_t>(c) * terms_];
+  }
+  double* AbsoluteOf(int c) {
+    return &absolute_[static_cast<std::size_t>(c) * (taylor_.order + 1)];
+  }
+
+  // Grains in the order of a Morton curve, lengths in units of the side of a
+  // cube around all, so that powers of lengths stay in range.
+  void Sort(const double* x) {
+    const double* const at[3] = {x, x + stride_, x + 2 * stride_};
+    double low[3];
+    side_ = 0.0;
+    for (int k = 0; k < 3; ++k) {
+      const auto ends = std::minmax_element(at[k], at[k] + n_);
+      low[k] = *ends.first;
+      side_ = std::max(side_, *ends.second - *ends.first);
+    }
+    if (!(side_ > 0.0) || !std::isfinite(side_)) side_ = 1.0;
+    scaled_law_ = law_;
+    for (int k = 0; k < 2; ++k) {
+      scaled_law_.strength[k] *= std::pow(side_, -law_.exponent[k]);
+    }
+    order_.resize(n_);
+    for (int i = 0; i < n_; ++i) {
+      double y[3];
+      for (int k = 0; k < 3; ++k) {
+        y[k] = std::clamp((at[k][i] - low[k]) / side_, 0.0, 1.0);
+      }
+      order_[i] = {MortonCode(y, 3), i};
+    }
+    std::sort(order_.begin(), order_.end());
+    for (int k = 0; k < 3; ++k) {
+      x_[k].resize(n_);
+      raw_[k].resize(n_);
+      f_[k].resize(n_);
+      for (int i = 0; i < n_; ++i) {
+        raw_[k][i] = at[k][order_[i].second];
+        x_[k][i] = (raw_[k][i] - low[k]) / side_;
+      }
+    }
+    weight_.resize(n_);
+    for (int i = 0; i < n_; ++i) weight_[i] = weights_[order_[i].second];
+  }
 
   // Cells, parents before children.
-  w.cells.clear();
-  w.cells.push_back({});
-  w.cells[0].end = n_;
-  std::vector<int> level = {0};
-  for (std::size_t c = 0; c < w.cells.size(); ++c) {
-    Cell cell = w.cells[c];
-    if (cell.size() > kLeafGrains && level[c] < kLevels) {
-      const int shift = kLevels - 1 - level[c];
-      cell.first_child = static_cast<int>(w.cells.size());
-      for (int i = cell.begin; i < cell.end;) {
-        const std::uint64_t half = w.order[i].first >> shift;
-        Cell child;
-        child.begin = i;
-        while (i < cell.end && w.order[i].first >> shift == half) ++i;
-        child.end = i;
-        w.cells.push_back(child);
-        level.push_back(level[c] + 1);
-        ++cell.children;
+  void Divide() {
+    cells_.clear();
+    cells_.push_back({});
+    cells_[0].end = n_;
+    std::vector<int> level = {0};
+    for (std::size_t c = 0; c < cells_.size(); ++c) {
+      Cell cell = cells_[c];
+      if (cell.size() > kLeafGrains && level[c] < kLevels) {
+        const int shift = kLevels - 1 - level[c];
+        cell.first_child = static_cast<int>(cells_.size());
+        for (int i = cell.begin; i < cell.end;) {
+          const std::uint64_t half = order_[i].first >> shift;
+          Cell child;
+          child.begin = i;
+          while (i < cell.end && order_[i].first >> shift == half) ++i;
+          child.end = i;
+          cells_.push_back(child);
+          level.push_back(level[c] + 1);
+          ++cell.children;
+        }
       }
-    }
-    for (int k = 0; k < 3; ++k) {
-      const auto ends = std::minmax_element(w.x[k].begin() + cell.begin,
-                                            w.x[k].begin() + cell.end);
-      cell.centre[k] = 0.5 * (*ends.first + *ends.second);
-    }
-    for (int i = cell.begin; i < cell.end; ++i) {
-      double square = 0.0;
       for (int k = 0; k < 3; ++k) {
-        const double d = w.x[k][i] - cell.centre[k];
-        square += d * d;
+        const auto ends = std::minmax_element(x_[k].begin() + cell.begin,
+                                              x_[k].begin() + cell.end);
+        cell.centre[k] = 0.5 * (*ends.first + *ends.second);
       }
-      cell.radius = std::max(cell.radius, std::sqrt(square));
-      cell.weight += w.weight[i];
+      for (int i = cell.begin; i < cell.end; ++i) {
+        double square = 0.0;
+        for (int k = 0; k < 3; ++k) {
+          const double d = x_[k][i] - cell.centre[k];
+          square += d * d;
+        }
+        cell.radius = std::max(cell.radius, std::sqrt(square));
+        cell.weight += weight_[i];
+      }
+      cells_[c] = cell;
     }
-    w.cells[c] = cell;
   }
-  const int cells = static_cast<int>(w.cells.size());
 
-  // Moments, of leaves from grains, of others from their children: for centres
-  // d = c' - c apart, s = d + s'.
-  w.moments.assign(static_cast<std::size_t>(cells) * terms, 0.0);
-  w.absolute.assign(static_cast<std::size_t>(cells) * (p + 1), 0.0);
-  w.local.assign(static_cast<std::size_t>(cells) * terms, 0.0);
-  const auto tasks = [](int count) {
-    return (count + kTaskCells - 1) / kTaskCells;
-  };
-  ForEach(tasks(cells), [&](int task) {
-    std::vector<double> y(terms);
-    for (int c = task * kTaskCells;
-         c < std::min(cells, (task + 1) * kTaskCells);
-         ++c) {
-      const Cell& cell = w.cells[c];
-      double* const moments = &w.moments[static_cast<std::size_t>(c) * terms];
-      double* const absolute =
-          &w.absolute[static_cast<std::size_t>(c) * (p + 1)];
+  // Of leaves from grains, of others from their children: for centres d = c' -
+  // c apart, s = d + s'.
+  void FindMoments() {
+    const int cells = static_cast<int>(cells_.size());
+    const int p = taylor_.order;
+    moments_.assign(static_cast<std::size_t>(cells) * terms_, 0.0);
+    absolute_.assign(static_cast<std::size_t>(cells) * (p + 1), 0.0);
+    ForCells([&](int, int c) {
+      std::vector<double> y(terms_);
+      const Cell& cell = cells_[c];
+      double* const moments = MomentsOf(c);
+      double* const absolute = AbsoluteOf(c);
       for (int i = cell.begin; i < cell.end; ++i) {
         double s[3], square = 0.0;
         for (int k = 0; k < 3; ++k) {
-          s[k] = w.x[k][i] - cell.centre[k];
+          s[k] = x_[k][i] - cell.centre[k];
           square += s[k] * s[k];
         }
-        double power = w.weight[i];
+        double power = weight_[i];
         const double length = std::sqrt(square);
         for (int m = 0; m <= p; ++m, power *= length) absolute[m] += power;
         if (!cell.is_leaf()) continue;
-        taylor.Monomials(s, y.data());
-        for (int n = 0; n < terms; ++n) moments[n] += w.weight[i] * y[n];
+        taylor_.Monomials(s, y.data());
+        for (int n = 0; n < terms_; ++n) moments[n] += weight_[i] * y[n];
       }
-    }
-  });
-  {
-    std::vector<double> y(terms);
+    });
     for (int c = cells - 1; c >= 0; --c) {
-      const Cell& cell = w.cells[c];
-      double* const to = &w.moments[static_cast<std::size_t>(c) * terms];
-      for (int b = 0; b < cell.children; ++b) {
-        const int child = cell.first_child + b;
-        const double* const from =
-            &w.moments[static_cast<std::size_t>(child) * terms];
-        double d[3];
-        for (int k = 0; k < 3; ++k) {
-          d[k] = w.cells[child].centre[k] - cell.centre[k];
-        }
-        taylor.Monomials(d, y.data());
-        for (int l = 0; l < terms; ++l) {
-          for (int q = taylor.pair_start[l]; q < taylor.pair_start[l + 1];
-               ++q) {
-            to[taylor.pair_sum[q]] += y[l] * from[taylor.pair_k[q]];
-          }
-        }
-      }
+      double* const to = MomentsOf(c);
+      ForChildren(c, 1.0, [&](int child, const std::vector<double>& y) {
+        const double* const from = MomentsOf(child);
+        ForTerms([&](int l, int k, int sum) { to[sum] += y[l] * from[k]; });
+      });
     }
   }
 
-  // Who is far from whom.
-  // y^-beta; the exponents of most runs are small integers.
-  const auto power = [](double y, double beta) {
-    return beta == 1.0   ? 1.0 / y
-           : beta == 2.0 ? 1.0 / (y * y)
-                         : std::pow(y, -beta);
-  };
-  double worst = 0.0;
-  const auto is_far = [&](int a, int b) {
-    const Cell &A = w.cells[a], &B = w.cells[b];
+  // By the bound of the header, which is kept in worst_.
+  bool IsFar(int a, int b) {
+    const Cell &A = cells_[a], &B = cells_[b];
+    const int p = taylor_.order;
     double square = 0.0;
     for (int k = 0; k < 3; ++k) {
       const double d = A.centre[k] - B.centre[k];
@@ -235,241 +299,228 @@ void NearFieldTree::Forces(const double* x,
     // Of each power, over D^-beta: what the tail and what the forces amount to.
     double tail[2] = {}, least[2] = {};
     for (int t = 0; t < 2; ++t) {
-      const double beta = law.exponent[t];
-      if (law.strength[t] == 0.0) continue;
+      const double beta = scaled_law_.exponent[t];
+      if (scaled_law_.strength[t] == 0.0) continue;
       const double ratio = q * (beta + p) / (p + 1.0);
       if (ratio >= 1.0) return false;
       double factor = 1.0;  // (beta)_P / P! / D^P
       for (int m = 0; m < p; ++m) {
         factor *= (beta + m) / (m + 1.0) / distance;
       }
-      const double size = law.strength[t] * power(distance, beta);
+      const double size =
+          scaled_law_.strength[t] * InversePower(distance, beta);
       tail[t] = size * factor / (1.0 - ratio);
-      least[t] = size * power(1.0 + q, beta);
+      least[t] = size * InversePower(1.0 + q, beta);
     }
     double most = 0.0;
     for (const auto& [target, source] : {std::pair{a, b}, std::pair{b, a}}) {
       // sum_j w_j (R_t + |s_j|)^P
       double sum = 0.0, reach_power = 1.0;
-      const double* const absolute =
-          &w.absolute[static_cast<std::size_t>(source) * (p + 1)];
-      for (int m = p; m >= 0; --m, reach_power *= w.cells[target].radius) {
-        sum += taylor.binomial[m] * reach_power * absolute[m];
+      const double* const absolute = AbsoluteOf(source);
+      for (int m = p; m >= 0; --m, reach_power *= cells_[target].radius) {
+        sum += taylor_.binomial[m] * reach_power * absolute[m];
       }
       most = std::max(most,
                       (tail[0] + tail[1]) * sum /
-                          ((least[0] + least[1]) * w.cells[source].weight));
+                          ((least[0] + least[1]) * cells_[source].weight));
     }
     if (!(most <= accuracy_)) return false;
-    worst = std::max(worst, most);
+    worst_ = std::max(worst_, most);
     return true;
-  };
-  w.far.clear();
-  w.near.clear();
-  std::vector<std::pair<int, int>> open = {{0, 0}};
-  while (!open.empty()) {
-    const auto [a, b] = open.back();
-    open.pop_back();
-    const Cell &A = w.cells[a], &B = w.cells[b];
-    if (a == b) {
-      if (A.is_leaf()) {
-        w.near.push_back({a, a});
+  }
+
+  // Who is far from whom, who is near.
+  void PairCells() {
+    worst_ = 0.0;
+    CellPairs far, near, open = {{0, 0}};
+    while (!open.empty()) {
+      const auto [a, b] = open.back();
+      open.pop_back();
+      const Cell &A = cells_[a], &B = cells_[b];
+      if (a == b) {
+        if (A.is_leaf()) {
+          near.push_back({a, a});
+          continue;
+        }
+        for (int i = 0; i < A.children; ++i) {
+          for (int j = i; j < A.children; ++j) {
+            open.push_back({A.first_child + i, A.first_child + j});
+          }
+        }
         continue;
       }
-      for (int i = 0; i < A.children; ++i) {
-        for (int j = i; j < A.children; ++j) {
-          open.push_back({A.first_child + i, A.first_child + j});
+      if (IsFar(a, b)) {
+        far.push_back({a, b});
+      } else if (A.is_leaf() && B.is_leaf()) {
+        near.push_back({a, b});
+      } else if (B.is_leaf() || (!A.is_leaf() && A.radius >= B.radius)) {
+        for (int i = 0; i < A.children; ++i) {
+          open.push_back({A.first_child + i, b});
+        }
+      } else {
+        for (int i = 0; i < B.children; ++i) {
+          open.push_back({a, B.first_child + i});
         }
       }
-      continue;
     }
-    if (is_far(a, b)) {
-      w.far.push_back({a, b});
-    } else if (A.is_leaf() && B.is_leaf()) {
-      w.near.push_back({a, b});
-    } else if (B.is_leaf() || (!A.is_leaf() && A.radius >= B.radius)) {
-      for (int i = 0; i < A.children; ++i) {
-        open.push_back({A.first_child + i, b});
-      }
-    } else {
-      for (int i = 0; i < B.children; ++i) {
-        open.push_back({a, B.first_child + i});
-      }
-    }
+    far_.Set(far, static_cast<int>(cells_.size()));
+    near_.Set(near, static_cast<int>(cells_.size()));
   }
-  // By target.
-  const auto by_target = [cells](const std::vector<std::pair<int, int>>& pairs,
-                                 std::vector<int>* start,
-                                 std::vector<int>* list) {
-    start->assign(cells + 1, 0);
-    for (const auto& [a, b] : pairs) {
-      ++(*start)[a + 1];
-      if (a != b) ++(*start)[b + 1];
-    }
-    for (int c = 0; c < cells; ++c) (*start)[c + 1] += (*start)[c];
-    list->resize(start->back());
-    std::vector<int> next(start->begin(), start->end() - 1);
-    for (const auto& [a, b] : pairs) {
-      (*list)[next[a]++] = b;
-      if (a != b) (*list)[next[b]++] = a;
-    }
-  };
-  by_target(w.far, &w.far_start, &w.far_list);
-  by_target(w.near, &w.near_start, &w.near_list);
 
-  // Far cells into each cell's own series.
-  const TaylorView view = taylor.View();
-  ForEach(tasks(cells), [&](int task) {
-    std::vector<double> offset[3];
-    std::vector<const double*> moments;
-    for (int c = task * kTaskCells;
-         c < std::min(cells, (task + 1) * kTaskCells);
-         ++c) {
-      const int begin = w.far_start[c], count = w.far_start[c + 1] - begin;
-      if (count == 0) continue;
-      moments.resize(count);
-      for (int k = 0; k < 3; ++k) offset[k].resize(count);
+  // Far cells into each cell's own series, and those down to the leaves: -t =
+  // -d - t' for centres d = c' - c apart.
+  void SumFarCells() {
+    const int cells = static_cast<int>(cells_.size());
+    local_.assign(static_cast<std::size_t>(cells) * terms_, 0.0);
+    const TaylorView view = taylor_.View();
+    ForCells([&](int, int c) {
+      const int begin = far_.start[c], count = far_.start[c + 1] - begin;
+      if (count == 0) return;
+      std::vector<const double*> moments(count);
+      std::vector<double> offset(3 * static_cast<std::size_t>(count));
+      double* const offsets[3] = {
+          &offset[0], &offset[count], &offset[2 * count]};
       for (int s = 0; s < count; ++s) {
-        const int source = w.far_list[begin + s];
-        moments[s] = &w.moments[static_cast<std::size_t>(source) * terms];
+        const int source = far_.list[begin + s];
+        moments[s] = MomentsOf(source);
         for (int k = 0; k < 3; ++k) {
-          offset[k][s] = w.cells[c].centre[k] - w.cells[source].centre[k];
+          offsets[k][s] = cells_[c].centre[k] - cells_[source].centre[k];
         }
       }
-      const double* const offsets[3] = {
-          offset[0].data(), offset[1].data(), offset[2].data()};
-      loops.far(law,
-                view,
-                count,
-                offsets,
-                moments.data(),
-                &w.local[static_cast<std::size_t>(c) * terms]);
-    }
-  });
-  // Down to the leaves: -t = -d - t' for centres d = c' - c apart.
-  {
-    std::vector<double> y(terms);
+      loops_.far(scaled_law_, view, count, offsets, moments.data(), LocalOf(c));
+    });
     for (int c = 0; c < cells; ++c) {
-      const Cell& cell = w.cells[c];
-      const double* const from = &w.local[static_cast<std::size_t>(c) * terms];
-      for (int b = 0; b < cell.children; ++b) {
-        const int child = cell.first_child + b;
-        double* const to = &w.local[static_cast<std::size_t>(child) * terms];
-        double d[3];
-        for (int k = 0; k < 3; ++k) {
-          d[k] = cell.centre[k] - w.cells[child].centre[k];
-        }
-        taylor.Monomials(d, y.data());
-        for (int l = 0; l < terms; ++l) {
-          for (int q = taylor.pair_start[l]; q < taylor.pair_start[l + 1];
-               ++q) {
-            to[l] += y[taylor.pair_k[q]] * from[taylor.pair_sum[q]];
-          }
-        }
-      }
+      const double* const from = LocalOf(c);
+      ForChildren(c, -1.0, [&](int child, const std::vector<double>& y) {
+        double* const to = LocalOf(child);
+        ForTerms([&](int l, int k, int sum) { to[l] += y[k] * from[sum]; });
+      });
     }
   }
 
-  // Leaves: their series at each grain, and near grains pair by pair.
-  const int num_tasks = tasks(cells);
-  std::vector<NearFieldSums> sums(num_tasks);
-  std::vector<double> far_energy(num_tasks, 0.0), near_weight(num_tasks, 0.0);
-  ForEach(num_tasks, [&](int task) {
-    std::vector<double> y(terms), cloud, weight;
-    sums[task].least_square = std::numeric_limits<double>::infinity();
-    for (int c = task * kTaskCells;
-         c < std::min(cells, (task + 1) * kTaskCells);
-         ++c) {
-      const Cell& cell = w.cells[c];
-      if (!cell.is_leaf()) continue;
-      const int targets = cell.size();
-      int count = targets;
-      for (int s = w.near_start[c]; s < w.near_start[c + 1]; ++s) {
-        if (w.near_list[s] != c) count += w.cells[w.near_list[s]].size();
-      }
-      const int stride = FlowStride(count);
-      cloud.assign(3 * static_cast<std::size_t>(stride), 0.0);
-      weight.assign(stride, 0.0);
-      int to = 0;
-      const auto append = [&](const Cell& from) {
-        for (int k = 0; k < 3; ++k) {
-          std::copy(w.raw[k].begin() + from.begin,
-                    w.raw[k].begin() + from.end,
-                    cloud.begin() + static_cast<std::size_t>(k) * stride + to);
-        }
-        std::copy(w.weight.begin() + from.begin,
-                  w.weight.begin() + from.end,
-                  weight.begin() + to);
-        to += from.size();
-      };
-      append(cell);
-      for (int s = w.near_start[c]; s < w.near_start[c + 1]; ++s) {
-        if (w.near_list[s] != c) append(w.cells[w.near_list[s]]);
-      }
-      NearFieldView near;
-      near.n = count;
+  // Near grains pair by pair, and the leaves' series at each grain.
+  void SumLeaves(bool with_energy) {
+    task_sums_.assign(NumTasks(), {});
+    for (TaskSums& sums : task_sums_) {
+      sums.near.least_square = std::numeric_limits<double>::infinity();
+    }
+    ForCells([&](int task, int c) {
+      if (!cells_[c].is_leaf()) return;
+      SumNearGrains(c, with_energy, &task_sums_[task]);
+      AddSeries(c, &task_sums_[task]);
+    });
+  }
+
+  void SumNearGrains(int c, bool with_energy, TaskSums* sums) {
+    const Cell& cell = cells_[c];
+    // Targets first.
+    std::vector<const Cell*> sources = {&cell};
+    int count = cell.size();
+    for (int s = near_.start[c]; s < near_.start[c + 1]; ++s) {
+      if (near_.list[s] == c) continue;
+      sources.push_back(&cells_[near_.list[s]]);
+      count += sources.back()->size();
+    }
+    const std::size_t stride = FlowStride(count);
+    std::vector<double> cloud(3 * stride, 0.0), weight(stride, 0.0);
+    int to = 0;
+    for (const Cell* from : sources) {
       for (int k = 0; k < 3; ++k) {
-        near.x[k] = cloud.data() + static_cast<std::size_t>(k) * stride;
+        std::copy(raw_[k].begin() + from->begin,
+                  raw_[k].begin() + from->end,
+                  cloud.begin() + k * stride + to);
       }
-      near.weight = weight.data();
-      double* const parts[3] = {w.f[0].data() + cell.begin,
-                                w.f[1].data() + cell.begin,
-                                w.f[2].data() + cell.begin};
-      const NearFieldSums s =
-          loops.cloud(law_, near, targets, energy != nullptr, parts);
-      sums[task].energy += s.energy;
-      double all = 0.0;
-      for (int i = 0; i < count; ++i) all += weight[i];
-      for (int i = 0; i < targets; ++i) {
-        near_weight[task] += weight[i] * (all - weight[i]);
-      }
-      sums[task].least_square =
-          std::min(sums[task].least_square, s.least_square);
-      const double* const local = &w.local[static_cast<std::size_t>(c) * terms];
-      for (int i = cell.begin; i < cell.end; ++i) {
-        double t[3];
-        for (int k = 0; k < 3; ++k) t[k] = cell.centre[k] - w.x[k][i];
-        taylor.Monomials(t, y.data());
-        // V = sum local[l] (-t)^l / l!, and -dV/dt.
-        double v = local[0], f[3] = {};
-        for (int l = 1; l < terms; ++l) {
-          v += local[l] * y[l];
-          for (int k = 0; k < 3; ++k) {
-            const int less = taylor.less_one[3 * l + k];
-            if (less >= 0) f[k] += local[l] * y[less];
-          }
+      std::copy(weight_.begin() + from->begin,
+                weight_.begin() + from->end,
+                weight.begin() + to);
+      to += from->size();
+    }
+    NearFieldView view;
+    view.n = count;
+    for (int k = 0; k < 3; ++k) view.x[k] = cloud.data() + k * stride;
+    view.weight = weight.data();
+    double* const parts[3] = {f_[0].data() + cell.begin,
+                              f_[1].data() + cell.begin,
+                              f_[2].data() + cell.begin};
+    const NearFieldSums found =
+        loops_.cloud(law_, view, cell.size(), with_energy, parts);
+    sums->near.energy += found.energy;
+    sums->near.least_square =
+        std::min(sums->near.least_square, found.least_square);
+    double all = 0.0;
+    for (int i = 0; i < count; ++i) all += weight[i];
+    for (int i = 0; i < cell.size(); ++i) {
+      sums->near_weight += weight[i] * (all - weight[i]);
+    }
+  }
+
+  void AddSeries(int c, TaskSums* sums) {
+    const Cell& cell = cells_[c];
+    const double* const local = LocalOf(c);
+    std::vector<double> y(terms_);
+    for (int i = cell.begin; i < cell.end; ++i) {
+      double t[3];
+      for (int k = 0; k < 3; ++k) t[k] = cell.centre[k] - x_[k][i];
+      taylor_.Monomials(t, y.data());
+      // V = sum local[l] (-t)^l / l!, and -dV/dt.
+      double v = local[0], f[3] = {};
+      for (int l = 1; l < terms_; ++l) {
+        v += local[l] * y[l];
+        for (int k = 0; k < 3; ++k) {
+          const int less = taylor_.less_one[3 * l + k];
+          if (less >= 0) f[k] += local[l] * y[less];
         }
-        far_energy[task] += w.weight[i] * v;
-        for (int k = 0; k < 3; ++k) w.f[k][i] += w.weight[i] * f[k];
       }
-    }
-  });
-  std::fill(force, force + 3 * static_cast<std::size_t>(stride_), 0.0);
-  for (int i = 0; i < n_; ++i) {
-    for (int k = 0; k < 3; ++k) {
-      force[k * stride_ + w.order[i].second] = w.f[k][i];
+      sums->far_energy += weight_[i] * v;
+      for (int k = 0; k < 3; ++k) f_[k][i] += weight_[i] * f[k];
     }
   }
-  double least = std::numeric_limits<double>::infinity();
-  double near = 0.0, far = 0.0, far_weight = 0.0, squares = 0.0;
-  for (int task = 0; task < num_tasks; ++task) {
-    least = std::min(least, sums[task].least_square);
-    near += sums[task].energy;
-    far += far_energy[task];
-    far_weight -= near_weight[task];
-  }
-  *least_distance = std::sqrt(least);
-  *bound = worst;
-  if (energy == nullptr) return;
-  // Of ordered pairs, so far. ln d = ln side + ln (d / side).
-  *energy = 0.5 * (near + side * far);
-  for (int i = 0; i < n_; ++i) squares += weights_[i] * weights_[i];
-  far_weight += w.cells[0].weight * w.cells[0].weight - squares;
+
+  const RadialLaw law_;
+  const int n_, stride_;
+  const double accuracy_;
+  const std::vector<double> weights_;
+  const TaylorIndices taylor_;
+  const int terms_;
+  const NearFieldLoops loops_;
+
+  // Of one Forces().
+  double side_ = 1.0;
+  RadialLaw scaled_law_;                              // of lengths over side_
+  std::vector<std::pair<std::uint64_t, int>> order_;  // code and grain
+  // In the order of the tree: places over side_, as they are, weights, forces.
+  std::vector<double> x_[3], raw_[3], weight_, f_[3];
+  std::vector<Cell> cells_;
+  // By cell: moments sum w s^k / k!, sums of w |s|^m, local[l] of (-t)^l / l!.
+  std::vector<double> moments_, absolute_, local_;
+  Sources far_, near_;
+  double worst_ = 0.0;  // bound of the errors of forces
+  std::vector<TaskSums> task_sums_;
+};
+
+NearFieldTree::NearFieldTree(std::unique_ptr<Impl> impl)
+    : impl_(std::move(impl)) {}
+NearFieldTree::~NearFieldTree() = default;
+
+std::unique_ptr<NearFieldTree> NearFieldTree::Create(
+    const RadialLaw& law,
+    int n,
+    const std::vector<double>& weights,
+    double accuracy) {
+  if (law.form != RadialLaw::Form::POWERS) return nullptr;
   for (int k = 0; k < 2; ++k) {
-    if (law_.exponent[k] != 1.0) continue;
-    *energy +=
-        (k == 0 ? 0.5 : -0.5) * law_.strength[k] * std::log(side) * far_weight;
+    if (law.strength[k] != 0.0 && law.exponent[k] < 1.0) return nullptr;
   }
+  return std::unique_ptr<NearFieldTree>(
+      new NearFieldTree(std::make_unique<Impl>(law, n, weights, accuracy)));
+}
+
+void NearFieldTree::Forces(const double* x,
+                           double* force,
+                           double* energy,
+                           double* least_distance,
+                           double* bound) const {
+  impl_->Forces(x, force, energy, least_distance, bound);
 }
 
 }  // namespace granopt

@@ -4,11 +4,9 @@
 #define GRANOPT_GRANULAR_FLOW_NEAR_FIELD_TREE_H_
 
 #include <memory>
-#include <string>
 #include <vector>
 
 #include "granular/flow/near_field_loops.h"
-#include "granular/flow/taylor_indices.h"
 
 namespace granopt {
 
@@ -51,16 +49,10 @@ class NearFieldTree {
               double* bound) const;
 
  private:
-  struct Workspace;
-  NearFieldTree();
+  class Impl;
+  explicit NearFieldTree(std::unique_ptr<Impl> impl);
 
-  RadialLaw law_;
-  int n_ = 0;
-  int stride_ = 0;
-  double accuracy_ = 0.0;
-  std::vector<double> weights_;
-  std::unique_ptr<TaylorIndices> taylor_;
-  std::unique_ptr<Workspace> workspace_;
+  const std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace granopt

@@ -1,8 +1,5 @@
 #include "granular/flow/stepper.h"
 
-#include <algorithm>
-#include <cmath>
-
 namespace granopt {
 
 bool RunFlow(

@@ -39,17 +39,14 @@ struct StepperOptions {
   int groups = 4;
   double tolerance = 1e-8;      // TOL on the relative change of an iteration
   int desired_iterations = 10;  // K_d
-  double order = 2.0;           // p of eta = S Dt^p
   double safety = 0.9;          // times Dt of (6.8)
   double relaxation = 1.0;      // gamma of (6.13)
   bool is_adaptive = true;
-  // Dt below this part of the limit ends the run.
-  double floor = 1e-9;
-  int max_attempts = 200;
 };
 
-// One step of a flow. A stepper keeps no state but workspaces: the same state
-// gives the same step.
+// Steps of one flow. A stepper keeps no state but workspaces: the same state
+// gives the same step. (Verlet's keeps the forces at the end of a step for the
+// next one: another scene needs another stepper.)
 class Stepper {
  public:
   virtual ~Stepper() = default;
@@ -75,13 +72,14 @@ class Stepper {
 //   w_K = sum_i |r_i^K - r_i^(K-1)| / sum_i |r_i^K - r_i^L|,
 // converged at w_K <= TOL. Started from r^L, w_1 = 1 takes the place of w_0.
 // Then, or after K_d iterations in vain,
-//   Dt <- 0.9 Dt (TOL / w_0)^(1 / (p K_d)) / (w_K / w_0)^(1 / (p K)),
+//   Dt <- 0.9 Dt (TOL / w_0)^(1 / (p K_d)) / (w_K / w_0)^(1 / (p K)),  p = 2,
 // at most Dt_lim. Damping is implicit, v <- (u + Dt Psi / m) / (1 + Dt d / m).
 //
 // Deviations: the frozen list (found at the iterate, contacts come and go for
 // ever); sequential impulses; the factor 0.9, without which every tenth step is
-// rejected in strong fields; velocities from impulses, which is the same to TOL
-// and exact in momentum.
+// rejected in strong fields; the change of Dt but for it is in [0.1, 10], and
+// half where an iterate is not finite; velocities from impulses, which is the
+// same to TOL and exact in momentum.
 std::unique_ptr<Stepper> CreateImplicitStepper(const StepperOptions& options);
 
 // Velocity Verlet: impacts at the start of a step, then

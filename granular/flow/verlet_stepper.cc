@@ -27,7 +27,7 @@ class VerletStepper : public Stepper {
     const auto& impact = scene.options().impact;
 
     // Forces at the start are those at the end of the last step, unless a grain
-    // jumped, or the state is another one.
+    // jumped since or the state is another one.
     if (has_forces &&
         (state->x != evaluated_x_ || state->time != evaluated_time_)) {
       scene.Forces(state->x.data(), state->time, false, &before_);
@@ -111,21 +111,10 @@ class VerletStepper : public Stepper {
       scene.BookDamping(u_.data(), 0.5 * dt, u_.data(), v_.data(), state);
       scene.BookDamping(v_.data(), 0.5 * dt, u_.data(), v_.data(), state);
     }
-    scene.BookImpacts(work, state);
-    if (!is_free) {
-      state->worst_balance =
-          std::max(state->worst_balance, scene.Balance(after_));
-    }
-    state->fast += scene.LargestMove(v_.data(), dt) > 1.0 ? 1 : 0;
     if (has_forces) end_x_ = x_;
-    state->x.swap(x_);
-    state->v.swap(v_);
-    state->time += dt;
+    scene.EndStep(dt, work, is_free ? nullptr : &after_, &x_, &v_, state);
     state->step = options_.step;
-    ++state->steps;
-    scene.ApplyBoundary(state);
-    // The forces at the end serve the next step, which sees by the positions if
-    // a grain jumped since.
+    // For the next step, which sees by the positions if a grain jumped since.
     std::swap(before_, after_);
     evaluated_x_.swap(end_x_);
     evaluated_time_ = state->time;

@@ -5,7 +5,7 @@
 
 namespace granopt {
 
-double EstimateNoise(const std::vector<double>& values, bool* reliable) {
+double EstimateNoise(const std::vector<double>& values) {
   const int m = static_cast<int>(values.size()) - 1;
   std::vector<double> table = values;
   std::vector<double> sigma(m + 1, 0.0);
@@ -23,13 +23,11 @@ double EstimateNoise(const std::vector<double>& values, bool* reliable) {
     sigma[k] = std::sqrt(gamma * sum / (m + 1 - k));
     changes_sign[k] = low < 0.0 && high > 0.0;
   }
-  *reliable = true;
   for (int k = 1; k + 2 <= m; ++k) {
     const double low = std::min({sigma[k], sigma[k + 1], sigma[k + 2]});
     const double high = std::max({sigma[k], sigma[k + 1], sigma[k + 2]});
     if (high <= 4.0 * low && changes_sign[k]) return sigma[k];
   }
-  *reliable = false;
   return sigma[m];
 }
 
@@ -64,9 +62,8 @@ bool ChooseDifferenceSteps(
   };
   std::vector<double> values;
   if (!evaluate(strings, &values) || !all_finite(values)) return false;
-  bool reliable;
   chosen->value = values[kHalf];
-  chosen->noise = EstimateNoise(values, &reliable);
+  chosen->noise = EstimateNoise(values);
   chosen->scale = 0.0;
   for (const double v : values) {
     chosen->scale = std::max(chosen->scale, std::fabs(v));

@@ -22,6 +22,8 @@ SearchRegistry& Registry() {
   return registry;
 }
 
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
 const SearchRegistry& Registered() {
   static std::once_flag once;
   std::call_once(once, RegisterAllSearches);
@@ -55,7 +57,7 @@ std::string SearchTable() {
 }
 
 SearchRun::SearchRun(const SearchProblem& problem) : problem_(problem) {
-  result_.value = std::numeric_limits<double>::infinity();
+  result_.value = kInfinity;
 }
 
 std::vector<double> SearchRun::Start() const {
@@ -70,7 +72,6 @@ std::vector<double> SearchRun::Start() const {
 
 bool SearchRun::Evaluate(const std::vector<std::vector<double>>& unit_strings,
                          std::vector<double>* values) {
-  const double kInfinity = std::numeric_limits<double>::infinity();
   values->assign(unit_strings.size(), kInfinity);
   if (ended_) return false;
   std::size_t count = unit_strings.size();

@@ -1447,6 +1447,16 @@ TEST_F(Cli, TradeoffRecommendsFlagsThatFlowTakes) {
   EXPECT_EQ(Do("flow", scene + flags + " --out=flow").status, 0);
 }
 
+// Nothing moves, so that nothing is relative to anything.
+TEST_F(Cli, TradeoffOfFlowsTakesGrainsAtRest) {
+  const Outcome run =
+      Do("tradeoff",
+         "--flow --smoke --seeds=1 --law=none --mean_velocity=0,0,0 "
+         "--perturbation=0,0,0 --particles=4 --duration=0.02 "
+         "--max_seconds=0.1 --out=out");
+  EXPECT_EQ(run.status, 0) << run.out << run.err;
+}
+
 TEST_F(Cli, TradeoffOfFlowsRefusesInOneLine) {
   const struct {
     const char* arguments;

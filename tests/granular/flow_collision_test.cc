@@ -40,7 +40,7 @@ struct Bodies {
                               ImpactWork* work) const {
     ContactSearch search;
     std::vector<ClosePair> pairs;
-    search.Find(n, stride, x.data(), radius.data(), 0.0, 0.0, &pairs);
+    search.Find(n, stride, x.data(), radius.data(), 0.0, &pairs);
     std::vector<Impact> impacts;
     FreezeImpacts(pairs, options, stride, v.data(), &impacts);
     std::vector<double> u = v;
@@ -280,7 +280,7 @@ TEST(ContactSearch, FindsWhatComparingAllFinds) {
       }
       ContactSearch search;
       std::vector<ClosePair> pairs;
-      search.Find(n, stride, x.data(), radius.data(), period, 0.01, &pairs);
+      search.Find(n, stride, x.data(), radius.data(), period, &pairs);
       std::size_t at = 0;
       for (int i = 0; i < n; ++i) {
         for (int j = i + 1; j < n; ++j) {
@@ -290,7 +290,7 @@ TEST(ContactSearch, FindsWhatComparingAllFinds) {
             if (period > 0.0) d[k] -= std::nearbyint(d[k]);
             square += d[k] * d[k];
           }
-          const double range = radius[i] + radius[j] + 0.01;
+          const double range = radius[i] + radius[j];
           if (!(square < range * range)) continue;
           ASSERT_LT(at, pairs.size()) << n << " " << period;
           EXPECT_EQ(pairs[at].i, i);

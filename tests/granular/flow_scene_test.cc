@@ -5,6 +5,7 @@
 
 #include "granular/contact_energy.h"
 #include "granular/flow/flow.h"
+#include "granular/flow/start.h"
 #include "granular/flow/stepper.h"
 #include "gtest/gtest.h"
 #include "solvers/registry.h"
@@ -39,7 +40,6 @@ int Overlaps(const Start& start) {
               start.state.x.data(),
               start.options.grains.radius.data(),
               start.options.domain.period(),
-              0.0,
               &pairs);
   return static_cast<int>(pairs.size());
 }
@@ -379,12 +379,20 @@ TEST(FlowErrors, StepFloorIsNamed) {
   const std::vector<double> x = start.state.x;
   EXPECT_FALSE(
       RunFlow(*scene, 1.0, stepper.get(), nullptr, &start.state, &error));
-  EXPECT_NE(error.find("Dt would fall below 1.0e-09 of its limit"),
-            std::string::npos)
+  EXPECT_EQ(error.find("collapse at t = 0: Dt would fall below 1.0e-09 of its "
+                       "limit; grains 0 and 1 are at "),
+            0u)
       << error;
   // The state is where it was; the log says why.
   EXPECT_EQ(start.state.x, x);
   EXPECT_GT(start.state.rejected, 5);
+  // Apart from each other, and too fast for any step.
+  start.state.x[1] = 1.0;
+  start.state.v[0] = 1e200;
+  ASSERT_TRUE(scene->Begin(1e-3, &start.state, &error)) << error;
+  EXPECT_FALSE(
+      RunFlow(*scene, 1.0, stepper.get(), nullptr, &start.state, &error));
+  EXPECT_EQ(error.find("step floor at t = 0: "), 0u) << error;
 }
 
 TEST(FlowScene, FastGrainsAreCounted) {

@@ -6,6 +6,7 @@
 
 #include "granular/flow/flow.h"
 #include "granular/flow/incremental_potential.h"
+#include "granular/flow/start.h"
 #include "granular/flow/stepper.h"
 #include "gtest/gtest.h"
 #include "solvers/registry.h"
@@ -741,6 +742,19 @@ TEST(FlowPaper, EnergiesOfFigures5And6) {
     EXPECT_NEAR(t, kinetic[number - 1], 4.0 * 0.42 * spread[number - 1])
         << number;
     EXPECT_NEAR(f, fraction[number - 1], 0.03) << number;
+  }
+}
+
+// A step cut short by the end of a run says nothing about the next.
+TEST(FlowSteppers, ShortLastStepsAreNoMeasure) {
+  for (const int method : {0, 1}) {
+    Flow flow = PaperFlow(4, 1);
+    const auto stepper =
+        method == 0 ? CreateImplicitStepper({}) : Minimizing({}, "lbfgs");
+    Go(&flow, 0.1, stepper.get());
+    const double wanted = flow.state.step;
+    Go(&flow, flow.state.time + 1e-3 * wanted, stepper.get());
+    EXPECT_GE(flow.state.step, wanted) << method;
   }
 }
 

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "granular/flow/flow.h"
+#include "granular/flow/start.h"
 #include "granular/flow/stepper.h"
 
 int main(int argc, char** argv) {

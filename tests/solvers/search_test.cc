@@ -98,8 +98,7 @@ TEST(Search, FindsTheMiddleOfASphere) {
   }
 }
 
-// The population methods find the basin of the least of the local minima, a
-// simplex from the corner does not.
+// It finds the basin of the least of the local minima.
 TEST(Search, GeneticAlgorithmPassesLocalMinima) {
   const SearchProblem problem = Problem(&Rastrigin, 2, -3.0, 4.0);
   const SearchResult result = Minimize(
@@ -195,9 +194,8 @@ TEST(Search, OffspringLieBetweenTheirParents) {
   }
 }
 
-// The same strings in the same order, however they are evaluated; and a search
-// that is answered from a record of half of them goes on as if it had not been
-// cut.
+// The same strings in the same order: a search that is answered from a record of
+// its first ones goes on as if it had not been cut.
 TEST(Search, SameSeedSameStrings) {
   for (const std::string& name : Methods()) {
     Strings first, second, other;
@@ -310,8 +308,7 @@ TEST(Noise, IsMeasuredOnASmoothFunction) {
       values.push_back(std::exp(0.01 * i) +
                        std::sqrt(12.0) * 1e-3 * (random() - 0.5));
     }
-    bool reliable;
-    sum += EstimateNoise(values, &reliable) / tries;
+    sum += EstimateNoise(values) / tries;
   }
   EXPECT_NEAR(sum, 1e-3, 3e-4);
 }

@@ -114,8 +114,7 @@ class CeresDifferences : public SearchMethod {
         Format("noise %.2g, difference steps %s of the box, %zu iterations: %s",
                chosen.noise,
                steps.c_str(),
-               summary.iterations.size() > 0 ? summary.iterations.size() - 1
-                                             : summary.iterations.size(),
+               std::max<std::size_t>(summary.iterations.size(), 1) - 1,
                summary.message.c_str()));
   }
 
