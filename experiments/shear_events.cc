@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <sstream>
 
 #include "experiments/checkpoint.h"
 #include "experiments/tabular.h"
@@ -19,6 +17,26 @@ constexpr int kHarmonics = 7;
 // The far field, in cells: beyond the core, within the nearest image.
 constexpr double kInner = 0.15;
 constexpr double kOuter = 0.45;
+
+constexpr auto kColumns = [](auto& row, auto&& visit) {
+  visit("strain_before", row.strain_before);
+  visit("strain_after", row.strain_after);
+  visit("energy", row.energy);
+  visit("energy_drop", row.energy_drop);
+  visit("stress_drop", row.stress_drop);
+  visit("pressure_drop", row.pressure_drop);
+  visit("participation", row.participation);
+  visit("contacts_opened", row.opened);
+  visit("contacts_closed", row.closed);
+  visit("reversal_energy", row.reversal_energy);
+  visit("reversal_displacement", row.reversal_displacement);
+  visit("relaxations", row.relaxations);
+  visit("m0", row.harmonics[0]);
+  visit("m1", row.harmonics[1]);
+  visit("m2", row.harmonics[2]);
+  visit("m3", row.harmonics[3]);
+  visit("m4", row.harmonics[4]);
+};
 
 EventRow RowOf(const PlasticEvent& event) {
   EventRow row;
@@ -97,57 +115,13 @@ EventCatalogue EventCatalogueOf(const Json& json) {
 }
 
 std::string EventsCsv(const std::vector<EventRow>& rows) {
-  std::string csv =
-      "strain_before,strain_after,energy,energy_drop,stress_drop,"
-      "pressure_drop,participation,contacts_opened,contacts_closed,"
-      "reversal_energy,reversal_displacement,relaxations,m0,m1,m2,m3,m4\n";
-  for (const EventRow& r : rows) {
-    csv +=
-        Format("%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%d,%d,%.17g,%.17g,%d",
-               r.strain_before,
-               r.strain_after,
-               r.energy,
-               r.energy_drop,
-               r.stress_drop,
-               r.pressure_drop,
-               r.participation,
-               r.opened,
-               r.closed,
-               r.reversal_energy,
-               r.reversal_displacement,
-               r.relaxations);
-    for (const double part : r.harmonics) csv += Format(",%.17g", part);
-    csv += "\n";
-  }
-  return csv;
+  return RowsCsv(rows, kColumns);
 }
 
 bool ParseEvents(const std::string& csv,
                  std::vector<EventRow>* rows,
                  std::string* error) {
-  rows->clear();
-  CsvReader reader(csv, "events.csv");
-  if (!reader.Begin(error)) return false;
-  while (reader.Row()) {
-    EventRow r;
-    reader.Read("strain_before", &r.strain_before);
-    reader.Read("strain_after", &r.strain_after);
-    reader.Read("energy", &r.energy);
-    reader.Read("energy_drop", &r.energy_drop);
-    reader.Read("stress_drop", &r.stress_drop);
-    reader.Read("pressure_drop", &r.pressure_drop);
-    reader.Read("participation", &r.participation);
-    reader.Read("contacts_opened", &r.opened);
-    reader.Read("contacts_closed", &r.closed);
-    reader.Read("reversal_energy", &r.reversal_energy);
-    reader.Read("reversal_displacement", &r.reversal_displacement);
-    reader.Read("relaxations", &r.relaxations);
-    for (int m = 0; m < 5; ++m) {
-      reader.Read(Format("m%d", m).c_str(), &r.harmonics[m]);
-    }
-    rows->push_back(r);
-  }
-  return reader.error().empty() || Fail(reader.error(), error);
+  return ParseRows(csv, "events.csv", kColumns, rows, error);
 }
 
 bool NoteEvents(const QuasistaticShearState& before,
