@@ -1,7 +1,5 @@
 #include "experiments/shear_ensemble.h"
 
-#include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <map>
 
@@ -9,6 +7,7 @@
 #include "experiments/scene.h"
 #include "experiments/shear_events.h"
 #include "experiments/statistics.h"
+#include "experiments/tabular.h"
 #include "granular/atomic_file.h"
 
 DECLARE_string(seeds);
@@ -75,38 +74,53 @@ BandPoint MakeBand(const std::vector<double>& values) {
   return point;
 }
 
+namespace {
+
+// Of the quantities of BandsCsv().
+struct Band {
+  const char* name;
+  double StrainRow::*member;
+};
+constexpr Band kBands[] = {{"stress_iso", &StrainRow::stress_iso},
+                           {"stress_dev", &StrainRow::stress_dev},
+                           {"fabric_iso", &StrainRow::fabric_iso},
+                           {"fabric_dev", &StrainRow::fabric_dev},
+                           {"conjugate", &StrainRow::conjugate},
+                           {"phi", &StrainRow::phi}};
+
+// Row k of all curves that go so far.
+std::vector<double> At(const std::vector<std::vector<StrainRow>>& curves,
+                       std::size_t k,
+                       double StrainRow::*quantity) {
+  std::vector<double> values;
+  for (const std::vector<StrainRow>& rows : curves) {
+    if (k < rows.size()) values.push_back(rows[k].*quantity);
+  }
+  return values;
+}
+
+}  // namespace
+
 std::string BandsCsv(const std::vector<std::vector<StrainRow>>& members) {
   std::string csv = "increment,step,strain,curves";
-  for (const char* name : {"stress_iso",
-                           "stress_dev",
-                           "fabric_iso",
-                           "fabric_dev",
-                           "conjugate",
-                           "phi"}) {
-    csv += Format(",%s,%s_error,%s_low,%s_high", name, name, name, name);
+  for (const Band& band : kBands) {
+    csv += Format(",%s,%s_error,%s_low,%s_high",
+                  band.name,
+                  band.name,
+                  band.name,
+                  band.name);
   }
   csv += "\n";
   if (members.empty()) return csv;
   for (std::size_t k = 0; k < members[0].size(); ++k) {
     const StrainRow& first = members[0][k];
-    std::vector<double> values[6];
-    for (const std::vector<StrainRow>& rows : members) {
-      if (k >= rows.size()) continue;
-      const StrainRow& r = rows[k];
-      values[0].push_back(r.stress_iso);
-      values[1].push_back(r.stress_dev);
-      values[2].push_back(r.fabric_iso);
-      values[3].push_back(r.fabric_dev);
-      values[4].push_back(r.conjugate);
-      values[5].push_back(r.phi);
-    }
     csv += Format("%.17g,%d,%.17g,%zu",
                   first.increment,
                   first.step,
                   first.strain,
-                  values[0].size());
-    for (const std::vector<double>& v : values) {
-      const BandPoint p = MakeBand(v);
+                  At(members, k, &StrainRow::strain).size());
+    for (const Band& band : kBands) {
+      const BandPoint p = MakeBand(At(members, k, band.member));
       csv += Format(
           ",%.17g,%.9g,%.17g,%.17g", p.mean, p.standard_error, p.low, p.high);
     }
@@ -114,6 +128,36 @@ std::string BandsCsv(const std::vector<std::vector<StrainRow>>& members) {
   }
   return csv;
 }
+
+namespace {
+
+// Means and standard errors at the beginning and the end of each increment.
+void PrintBands(const std::vector<std::vector<StrainRow>>& curves) {
+  const std::vector<StrainRow>& rows = curves[0];
+  std::vector<std::vector<std::string>> table = {{"increment",
+                                                  "strain",
+                                                  "stress iso",
+                                                  "stress dev",
+                                                  "fabric iso",
+                                                  "fabric dev"}};
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    const bool last = k + 1 == rows.size() || rows[k + 1].step == 0;
+    if (rows[k].step != 0 && !last) continue;
+    table.push_back(
+        {Format("%g", rows[k].increment), Format("%g", rows[k].strain)});
+    const auto add = [&](double StrainRow::*quantity, const char* format) {
+      const BandPoint p = MakeBand(At(curves, k, quantity));
+      table.back().push_back(Format(format, p.mean, p.standard_error));
+    };
+    add(&StrainRow::stress_iso, "%.4e +- %.1e");
+    add(&StrainRow::stress_dev, "%.4e +- %.1e");
+    add(&StrainRow::fabric_iso, "%.5f +- %.1e");
+    add(&StrainRow::fabric_dev, "%.5f +- %.1e");
+  }
+  std::printf("\n%s", Grid(table, 0, false).c_str());
+}
+
+}  // namespace
 
 int RunShearEnsemble(const Ensemble& ensemble, bool has_particles) {
   Output output;
@@ -260,36 +304,7 @@ int RunShearEnsemble(const Ensemble& ensemble, bool has_particles) {
     output.Plot({"events", output.Path("events.csv"), output.Path("events")},
                 {"events.svg", "events.png"});
   }
-  if (counted > 0) {
-    const std::vector<StrainRow>& rows = curves[0];
-    std::printf(
-        "\n    increment   strain   stress iso  stress dev             fabric "
-        "iso  fabric dev            (means and standard errors)\n");
-    for (std::size_t k = 0; k < rows.size(); ++k) {
-      const bool last = k + 1 == rows.size() || rows[k + 1].step == 0;
-      if (rows[k].step != 0 && !last) continue;
-      std::vector<double> values[4];
-      for (const std::vector<StrainRow>& one : curves) {
-        if (k >= one.size()) continue;
-        values[0].push_back(one[k].stress_iso);
-        values[1].push_back(one[k].stress_dev);
-        values[2].push_back(one[k].fabric_iso);
-        values[3].push_back(one[k].fabric_dev);
-      }
-      BandPoint p[4];
-      for (int q = 0; q < 4; ++q) p[q] = MakeBand(values[q]);
-      std::printf(
-          "    %9g   %6g   %10.4e  %10.4e +- %7.1e   %10.5f  %10.5f +- %7.1e\n",
-          rows[k].increment,
-          rows[k].strain,
-          p[0].mean,
-          p[1].mean,
-          p[1].standard_error,
-          p[2].mean,
-          p[3].mean,
-          p[3].standard_error);
-    }
-  }
+  if (counted > 0) PrintBands(curves);
   std::printf("%s", AgreementTable(mean_agreement).c_str());
   if (has_events) {
     std::printf(
