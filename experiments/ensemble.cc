@@ -221,6 +221,72 @@ void PrintSizes(const std::vector<SizeStatistics>& sizes) {
   }
 }
 
+using SizeFits = std::vector<std::pair<int, DistributionFits>>;
+
+Json LineJson(const LineFit& line, double exponent) {
+  return {{"phi_infinity", line.a},
+          {"phi_infinity_error", line.a_error},
+          {"c", -line.b},
+          {"c_error", line.b_error},
+          {"exponent", exponent},
+          {"chi2", line.chi2},
+          {"degrees_of_freedom", line.n - 2}};
+}
+
+void Plot(
+    const LineFit& line, double exponent, int d, bool several, Output* output) {
+  output->Plot({"ensemble",
+                output->Path("ensemble.csv"),
+                output->Path("ensemble"),
+                Format("--dimension=%d", d)},
+               {"ensemble.svg", "ensemble.png"});
+  std::vector<std::string> arguments = {"finite_size",
+                                        output->Path("sizes.csv"),
+                                        output->Path("finite_size"),
+                                        Format("--dimension=%d", d)};
+  if (line.n > 0) {
+    arguments.push_back(Format("--fit=%.17g,%.17g,%.17g,%.17g,%.17g",
+                               line.a,
+                               line.a_error,
+                               -line.b,
+                               line.b_error,
+                               exponent));
+  }
+  if (several) {
+    output->Plot(arguments, {"finite_size.svg", "finite_size.png"});
+  }
+}
+
+void PrintFits(const LineFit& line,
+               double exponent,
+               int d,
+               const SizeFits& fits) {
+  if (line.n > 0) {
+    std::printf(
+        "\n  N -> infinity %.6f +- %.6f, phi_J(N) = that - (%.4f +- %.4f) "
+        "N^-%.3f%s\n",
+        line.a,
+        line.a_error,
+        -line.b,
+        line.b_error,
+        exponent,
+        line.n > 2
+            ? Format(", chi^2 = %.1f of %d", line.chi2, line.n - 2).c_str()
+            : "");
+    if (d == 2) {
+      std::printf("  literature    0.8418 for a rapid quench\n");
+    }
+  }
+  std::printf("\n  weak forces P(f) ~ f^theta, small gaps P(h) ~ h^-gamma\n");
+  for (const auto& [size, fit] : fits) {
+    std::printf("    %6d  %s\n", size, FitsLine(fit).c_str());
+  }
+  std::printf("    theory  theta_l = %.3f, theta_e = %.3f, gamma = %.3f\n",
+              kThetaLocalized,
+              kThetaExtended,
+              kGamma);
+}
+
 }  // namespace
 
 Ensemble ReadEnsembleFlags(const std::vector<std::string>& own) {
@@ -404,8 +470,8 @@ int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
     members.push_back(member);
   }
   const int d = FLAGS_dimension;
-  std::printf("jamming   %d packings, alpha = %g: seeds %s, grains",
-              static_cast<int>(members.size()),
+  std::printf("jamming   %zu packings, alpha = %g: seeds %s, grains",
+              members.size(),
               energy.alpha,
               FLAGS_seeds.c_str());
   for (const int size : sizes) std::printf(" %d", size);
@@ -441,13 +507,15 @@ int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
   json["alpha"] = energy.alpha;
   json["failures"] = Json::array();
   bool all = true;
+  int complete = 0;
   for (const Member& m : members) {
     all = all && m.complete && m.converged;
-    if (m.complete) continue;
+    complete += m.complete ? 1 : 0;
+    if (m.failure.empty()) continue;
     json["failures"].push_back({{"run", NameOf(m)}, {"line", m.failure}});
   }
   json["sizes"] = Json::array();
-  std::vector<std::pair<int, DistributionFits>> fits;
+  SizeFits fits;
   for (const int size : sizes) {
     statistics.push_back(Summarize(members, size));
     json["sizes"].push_back(SizeJson(statistics.back()));
@@ -461,15 +529,7 @@ int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
   }
   const double exponent = FiniteSizeExponent(d);
   const LineFit line = FitFiniteSize(statistics, exponent);
-  if (line.n > 0) {
-    json["finite_size"] = {{"phi_infinity", line.a},
-                           {"phi_infinity_error", line.a_error},
-                           {"c", -line.b},
-                           {"c_error", line.b_error},
-                           {"exponent", exponent},
-                           {"chi2", line.chi2},
-                           {"degrees_of_freedom", line.n - 2}};
-  }
+  if (line.n > 0) json["finite_size"] = LineJson(line, exponent);
   json["schema"] = "granopt/jamming_ensemble/1";
   json["provenance"] = Provenance();
 
@@ -477,64 +537,14 @@ int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
   output.Write("sizes.csv", SizesCsv(statistics));
   WriteDistributions(samples, rows, &output);
   output.WriteJson("summary.json", json);
-  if (std::any_of(members.begin(), members.end(), [](const Member& m) {
-        return m.complete;
-      })) {
-    output.Plot({"ensemble",
-                 output.Path("ensemble.csv"),
-                 output.Path("ensemble"),
-                 Format("--dimension=%d", d)},
-                {"ensemble.svg", "ensemble.png"});
-    std::vector<std::string> arguments = {"finite_size",
-                                          output.Path("sizes.csv"),
-                                          output.Path("finite_size"),
-                                          Format("--dimension=%d", d)};
-    if (line.n > 0) {
-      arguments.push_back(Format("--fit=%.17g,%.17g,%.17g,%.17g,%.17g",
-                                 line.a,
-                                 line.a_error,
-                                 -line.b,
-                                 line.b_error,
-                                 exponent));
-    }
-    if (sizes.size() > 1) {
-      output.Plot(arguments, {"finite_size.svg", "finite_size.png"});
-    }
-  }
-
+  if (complete > 0) Plot(line, exponent, d, sizes.size() > 1, &output);
   PrintMembers(members);
   PrintSizes(statistics);
-  if (line.n > 0) {
-    std::printf(
-        "\n  N -> infinity %.6f +- %.6f, phi_J(N) = that - (%.4f +- %.4f) "
-        "N^-%.3f%s\n",
-        line.a,
-        line.a_error,
-        -line.b,
-        line.b_error,
-        exponent,
-        line.n > 2
-            ? Format(", chi^2 = %.1f of %d", line.chi2, line.n - 2).c_str()
-            : "");
-    if (d == 2) {
-      std::printf("  literature    0.8418 for a rapid quench\n");
-    }
-  }
-  std::printf("\n  weak forces P(f) ~ f^theta, small gaps P(h) ~ h^-gamma\n");
-  for (const auto& [size, fit] : fits) {
-    std::printf("    %6d  %s\n", size, FitsLine(fit).c_str());
-  }
-  std::printf("    theory  theta_l = %.3f, theta_e = %.3f, gamma = %.3f\n",
-              kThetaLocalized,
-              kThetaExtended,
-              kGamma);
+  PrintFits(line, exponent, d, fits);
   if (interrupted) {
-    std::printf("\ninterrupted: %d of %d packings have a result\n",
-                static_cast<int>(
-                    std::count_if(members.begin(),
-                                  members.end(),
-                                  [](const Member& m) { return m.complete; })),
-                static_cast<int>(members.size()));
+    std::printf("\ninterrupted: %d of %zu packings have a result\n",
+                complete,
+                members.size());
   }
   output.PrintFiles();
   return all ? kConverged : kNotConverged;

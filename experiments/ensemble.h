@@ -47,7 +47,7 @@ struct Member {
   int particles = 0;
   std::uint64_t seed = 0;
   bool complete = false;   // the run has a result
-  std::string failure;     // one line, if it has none
+  std::string failure;     // one line, if it has none or cannot be read
   bool converged = false;  // error bar as asked
   double phi_j = 0.0;
   double error = 0.0;

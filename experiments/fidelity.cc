@@ -524,7 +524,7 @@ int RunPackings(Output* output) {
   return kConverged;
 }
 
-// BadInput for flags that would change nothing.
+// BadInput for flags that would change nothing. Call it before any is changed.
 void RefuseForeignFlags() {
   const std::vector<const char*> foreign =
       FLAGS_scene == "packing" ? std::vector<const char*>{"alpha",
@@ -551,6 +551,7 @@ void RefuseForeignFlags() {
 }
 
 int Main() {
+  RefuseForeignFlags();
   CheckPositive("accuracy", FLAGS_accuracy);
   CheckRange("seeds", FLAGS_seeds, 2, 100000);
   CheckPositive("duration", FLAGS_duration);
@@ -578,7 +579,6 @@ int Main() {
   Output output;
   for (const FlowPreset& preset : kPresets) {
     if (FLAGS_scene != preset.name) continue;
-    RefuseForeignFlags();
     std::printf(
         "fidelity  %s: %s\n          %d starts to t = %g s by velocity "
         "Verlet, dt = %g s\n",
@@ -594,7 +594,6 @@ int Main() {
   if (FLAGS_scene != "packing") {
     BadInput("--scene=" + FLAGS_scene + " must be sand, powder or packing");
   }
-  RefuseForeignFlags();
   std::printf("fidelity  packing: %d discs, law, pre-stress, precision\n",
               FLAGS_particles);
   std::fflush(stdout);

@@ -17,6 +17,12 @@ DECLARE_double(pressure);
 namespace granopt {
 namespace {
 
+constexpr double Agreement::*kAgreements[] = {&Agreement::small_strain,
+                                              &Agreement::all,
+                                              &Agreement::agrees_until,
+                                              &Agreement::small_strain_fabric,
+                                              &Agreement::all_fabric};
+
 // What the search for events of every packing counts (its summary's "events").
 constexpr const char* kSearchCounts[] = {
     "found", "steps_searched", "steps_without", "reversible_branches"};
@@ -157,6 +163,74 @@ void PrintBands(const std::vector<std::vector<StrainRow>>& curves) {
   std::printf("\n%s", Grid(table, 0, false).c_str());
 }
 
+// Of all members that are complete.
+struct Totals {
+  Json failures = Json::array();
+  bool converged = true;
+  std::vector<std::vector<StrainRow>> curves;
+  std::vector<Agreement> agreement;  // means
+  std::vector<EventRow> events;
+  std::string events_csv = "seed," + EventsCsv({});
+  bool has_events = false;
+  // Sums of what the searches say, and of the starts.
+  std::map<std::string, int> search;
+  std::map<int, int> excess;
+  int held_by_cell = 0, starts = 0;
+};
+
+void Add(const ShearMember& member, Totals* all) {
+  all->curves.push_back(member.rows);
+  for (const char* key : kSearchCounts) {
+    all->search[key] +=
+        member.search.is_object() ? member.search.value(key, 0) : 0;
+  }
+  const Json& start = member.start;
+  if (start.is_object() && start.contains("least_shear_modulus")) {
+    ++all->starts;
+    ++all->excess[start.at("rigid_contacts").get<int>() -
+                  start.at("isostatic_contacts").get<int>()];
+    all->held_by_cell +=
+        start.at("least_shear_modulus").get<double>() < 0.0 ? 1 : 0;
+  }
+  all->has_events = all->has_events || member.has_events;
+  for (const EventRow& row : member.events) {
+    const std::string line = EventsCsv({row});
+    all->events_csv +=
+        Format("%llu,", static_cast<unsigned long long>(member.seed)) +
+        line.substr(line.find('\n') + 1);
+    all->events.push_back(row);
+  }
+}
+
+Totals Sum(const std::vector<ShearMember>& members) {
+  Totals all;
+  int compared = 0;
+  for (const ShearMember& member : members) {
+    all.converged = all.converged && member.complete && member.converged;
+    if (!member.complete) {
+      all.failures.push_back(
+          {{"run", NameOf(member)}, {"line", member.failure}});
+      continue;
+    }
+    Add(member, &all);
+    const std::vector<Agreement> agreement = CompareIncrements(member.rows);
+    compared += agreement.empty() ? 0 : 1;
+    if (all.agreement.empty()) all.agreement.resize(agreement.size());
+    for (std::size_t k = 0; k < agreement.size(); ++k) {
+      Agreement& sum = all.agreement[k];
+      sum.increment = agreement[k].increment;
+      sum.finest = agreement[k].finest;
+      for (const auto quantity : kAgreements) {
+        sum.*quantity += agreement[k].*quantity;
+      }
+    }
+  }
+  for (Agreement& mean : all.agreement) {
+    for (const auto quantity : kAgreements) mean.*quantity /= compared;
+  }
+  return all;
+}
+
 }  // namespace
 
 int RunShearEnsemble(const Ensemble& ensemble, bool has_particles) {
@@ -209,89 +283,30 @@ int RunShearEnsemble(const Ensemble& ensemble, bool has_particles) {
     }
   }
 
-  std::vector<std::vector<StrainRow>> curves;
-  std::vector<EventRow> events;
-  std::string events_csv = "seed," + EventsCsv({});
-  bool all = true, has_events = false;
+  const Totals all = Sum(members);
   Json json;
   json["packings"] = members.size();
   json["interrupted"] = interrupted;
-  json["failures"] = Json::array();
-  std::vector<Agreement> mean_agreement;
-  int counted = 0, compared = 0;
-  // Sums of what the searches say, and of the starts.
-  std::map<std::string, int> search;
-  std::map<int, int> excess;
-  int held_by_cell = 0, starts = 0;
-  for (ShearMember& member : members) {
-    all = all && member.complete && member.converged;
-    if (!member.complete) {
-      json["failures"].push_back(
-          {{"run", NameOf(member)}, {"line", member.failure}});
-      continue;
-    }
-    curves.push_back(member.rows);
-    const std::vector<Agreement> agreement = CompareIncrements(member.rows);
-    compared += agreement.empty() ? 0 : 1;
-    if (mean_agreement.empty()) mean_agreement.resize(agreement.size());
-    for (std::size_t k = 0; k < agreement.size(); ++k) {
-      Agreement& sum = mean_agreement[k];
-      sum.increment = agreement[k].increment;
-      sum.finest = agreement[k].finest;
-      sum.small_strain += agreement[k].small_strain;
-      sum.all += agreement[k].all;
-      sum.agrees_until += agreement[k].agrees_until;
-      sum.small_strain_fabric += agreement[k].small_strain_fabric;
-      sum.all_fabric += agreement[k].all_fabric;
-    }
-    ++counted;
-    for (const char* key : kSearchCounts) {
-      search[key] +=
-          member.search.is_object() ? member.search.value(key, 0) : 0;
-    }
-    if (member.start.is_object() &&
-        member.start.contains("least_shear_modulus")) {
-      ++starts;
-      ++excess[member.start.at("rigid_contacts").get<int>() -
-               member.start.at("isostatic_contacts").get<int>()];
-      held_by_cell +=
-          member.start.at("least_shear_modulus").get<double>() < 0.0 ? 1 : 0;
-    }
-    has_events = has_events || member.has_events;
-    for (const EventRow& row : member.events) {
-      const std::string line = EventsCsv({row});
-      events_csv +=
-          Format("%llu,", static_cast<unsigned long long>(member.seed)) +
-          line.substr(line.find('\n') + 1);
-      events.push_back(row);
-    }
-  }
-  for (Agreement& a : mean_agreement) {
-    for (double* value : {&a.small_strain,
-                          &a.all,
-                          &a.agrees_until,
-                          &a.small_strain_fabric,
-                          &a.all_fabric}) {
-      *value /= compared;
-    }
-  }
-  json["complete"] = counted;
+  json["failures"] = all.failures;
+  json["complete"] = all.curves.size();
   json["mode"] = FLAGS_mode;
-  json["agreement"] = AgreementJson(mean_agreement);
-  if (has_events) json["events"] = search;
-  for (const auto& [count, packings] : excess) {
+  json["agreement"] = AgreementJson(all.agreement);
+  if (all.has_events) json["events"] = all.search;
+  for (const auto& [count, packings] : all.excess) {
     json["starts"]["excess_contacts"][Format("%d", count)] = packings;
   }
-  if (starts > 0) json["starts"]["softened_by_a_shear"] = held_by_cell;
+  if (all.starts > 0) {
+    json["starts"]["softened_by_a_shear"] = all.held_by_cell;
+  }
   json["schema"] = "granopt/shear_ensemble/1";
   json["provenance"] = Provenance();
-  output.Write("bands.csv", BandsCsv(curves));
-  if (!mean_agreement.empty()) {
-    output.Write("agreement.csv", AgreementCsv(mean_agreement));
+  output.Write("bands.csv", BandsCsv(all.curves));
+  if (!all.agreement.empty()) {
+    output.Write("agreement.csv", AgreementCsv(all.agreement));
   }
-  if (has_events) output.Write("events.csv", events_csv);
+  if (all.has_events) output.Write("events.csv", all.events_csv);
   output.WriteJson("summary.json", json);
-  if (counted > 0) {
+  if (!all.curves.empty()) {
     output.Plot(
         {"shear",
          output.Path("bands.csv"),
@@ -300,32 +315,35 @@ int RunShearEnsemble(const Ensemble& ensemble, bool has_particles) {
          Format("--first=%s", FLAGS_pressure > 0.0 ? "phi" : "stress_iso")},
         {"bands.svg", "bands.png"});
   }
-  if (events.size() > 3) {
+  if (all.events.size() > 3) {
     output.Plot({"events", output.Path("events.csv"), output.Path("events")},
                 {"events.svg", "events.png"});
   }
-  if (counted > 0) PrintBands(curves);
-  std::printf("%s", AgreementTable(mean_agreement).c_str());
-  if (has_events) {
+  if (!all.curves.empty()) PrintBands(all.curves);
+  std::printf("%s", AgreementTable(all.agreement).c_str());
+  if (all.has_events) {
     std::printf(
-        "  events        %zu in %d packings: in %d of %d searched steps; %d "
+        "  events        %zu in %zu packings: in %d of %d searched steps; %d "
         "branches were left and met again\n",
-        events.size(),
-        counted,
-        search["steps_searched"] - search["steps_without"],
-        search["steps_searched"],
-        search["reversible_branches"]);
+        all.events.size(),
+        all.curves.size(),
+        all.search.at("steps_searched") - all.search.at("steps_without"),
+        all.search.at("steps_searched"),
+        all.search.at("reversible_branches"));
   }
-  if (starts > 0) {
+  if (all.starts > 0) {
     std::printf("  starts        contacts beyond isostatic:");
-    for (const auto& [count, packings] : excess) {
+    for (const auto& [count, packings] : all.excess) {
       std::printf(" %d (%d)", count, packings);
     }
-    std::printf("; G < 0 in some direction: %d of %d\n", held_by_cell, starts);
+    std::printf(
+        "; G < 0 in some direction: %d of %d\n", all.held_by_cell, all.starts);
   }
-  if (interrupted) std::printf("\ninterrupted: %d complete\n", counted);
+  if (interrupted) {
+    std::printf("\ninterrupted: %zu complete\n", all.curves.size());
+  }
   output.PrintFiles();
-  return all && !interrupted ? kConverged : kNotConverged;
+  return all.converged && !interrupted ? kConverged : kNotConverged;
 }
 
 }  // namespace granopt

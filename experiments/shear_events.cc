@@ -178,61 +178,13 @@ std::vector<std::string> WithEventFiles(std::vector<std::string> names) {
   return names;
 }
 
-std::string PublishEvents(const EventCatalogue& catalogue,
-                          const PlasticEventOptions& options,
-                          const Solver& solver,
-                          Output* output,
-                          Json* json) {
-  output->Write("events.csv", EventsCsv(catalogue.rows));
-  Json& summary = (*json)["events"];
-  summary["found"] = catalogue.rows.size();
-  summary["steps_searched"] = catalogue.searched;
-  summary["steps_without"] = catalogue.elastic;
-  summary["relaxations"] = catalogue.relaxations;
-  summary["unconverged"] = catalogue.unconverged;
-  double worst_energy = 0.0, worst_displacement = 0.0;
-  int reversible = 0;
-  for (const EventRow& row : catalogue.rows) {
-    worst_energy = std::max(worst_energy, row.reversal_energy);
-    worst_displacement =
-        std::max(worst_displacement, row.reversal_displacement);
-    reversible += row.reversal_energy < 1e-8 ? 1 : 0;
-  }
-  summary["reversible_branches"] = reversible;
-  summary["worst_reversal_energy"] = worst_energy;
-  std::string text = Format(
-      "\n  events        %zu, in %d of %d steps that were searched (%d "
-      "relaxations%s)%s\n",
-      catalogue.rows.size(),
-      catalogue.searched - catalogue.elastic,
-      catalogue.searched,
-      catalogue.relaxations,
-      catalogue.unconverged > 0
-          ? Format(", %d of them stopped after %lld evaluations",
-                   catalogue.unconverged,
-                   static_cast<long long>(options.solve.max_evaluations))
-                .c_str()
-          : "",
-      catalogue.elastic > 0 ? "; the others only change contacts" : "");
-  if (catalogue.rows.empty()) return text;
-  text += Format(
-      "  reversible    %d of %zu branches that end in one: sheared back their "
-      "energy is the same to 1e-8 (worst %.1e)\n",
-      reversible,
-      catalogue.rows.size(),
-      worst_energy);
+namespace {
 
-  PlasticEvent event;
-  std::string error;
-  if (!LocateEvent(catalogue.largest.packing,
-                   catalogue.largest.strain,
-                   catalogue.largest_to,
-                   options,
-                   solver,
-                   &event,
-                   &error)) {
-    BadInput(error);
-  }
+// Writes the event in full; returns the lines for the terminal.
+std::string PublishLargest(const PlasticEvent& event,
+                           const PlasticEventOptions& options,
+                           Output* output,
+                           Json* json) {
   const Packing& packing = event.before.packing;
   const int d = packing.dimension();
   output->Write("event.xyz", FormatDisplacement(packing, event.displacement));
@@ -248,6 +200,7 @@ std::string PublishEvents(const EventCatalogue& catalogue,
   }
   output->Write("event_branch.csv", csv);
   std::vector<double> energy;
+  std::string error;
   if (!EnergyAlong(event, options, kLandscapePoints, &energy, &error)) {
     BadInput(error);
   }
@@ -263,7 +216,7 @@ std::string PublishEvents(const EventCatalogue& catalogue,
   // Around the grain that moves most, in shells of equal width.
   int centre = 0;
   event.displacement.colwise().squaredNorm().maxCoeff(&centre);
-  Json one;
+  Json& one = *json;
   one["strain"] = event.strain_after;
   one["width"] = std::abs(event.strain_after - event.strain_before);
   one["energy_drop"] = event.energy_drop;
@@ -315,8 +268,7 @@ std::string PublishEvents(const EventCatalogue& catalogue,
         kHarmonics - 1);
   }
   output->Write("event_harmonics.csv", csv);
-  summary["largest"] = one;
-  text += Format(
+  return Format(
       "  largest       at strain %.12f (to %.1e): energy falls by %.3g of "
       "itself, stress by %.3g;\n                %d contacts open, %d close; "
       "participation %.2g\n%s"
@@ -332,6 +284,64 @@ std::string PublishEvents(const EventCatalogue& catalogue,
       harmonics_line.c_str(),
       event.branch.front().lowest_eigenvalue,
       event.branch.back().lowest_eigenvalue);
+}
+
+}  // namespace
+
+std::string PublishEvents(const EventCatalogue& catalogue,
+                          const PlasticEventOptions& options,
+                          const Solver& solver,
+                          Output* output,
+                          Json* json) {
+  output->Write("events.csv", EventsCsv(catalogue.rows));
+  Json& summary = (*json)["events"];
+  summary["found"] = catalogue.rows.size();
+  summary["steps_searched"] = catalogue.searched;
+  summary["steps_without"] = catalogue.elastic;
+  summary["relaxations"] = catalogue.relaxations;
+  summary["unconverged"] = catalogue.unconverged;
+  double worst_energy = 0.0;
+  int reversible = 0;
+  for (const EventRow& row : catalogue.rows) {
+    worst_energy = std::max(worst_energy, row.reversal_energy);
+    reversible += row.reversal_energy < 1e-8 ? 1 : 0;
+  }
+  summary["reversible_branches"] = reversible;
+  summary["worst_reversal_energy"] = worst_energy;
+  std::string text = Format(
+      "\n  events        %zu, in %d of %d steps that were searched (%d "
+      "relaxations%s)%s\n",
+      catalogue.rows.size(),
+      catalogue.searched - catalogue.elastic,
+      catalogue.searched,
+      catalogue.relaxations,
+      catalogue.unconverged > 0
+          ? Format(", %d of them stopped after %lld evaluations",
+                   catalogue.unconverged,
+                   static_cast<long long>(options.solve.max_evaluations))
+                .c_str()
+          : "",
+      catalogue.elastic > 0 ? "; the others only change contacts" : "");
+  if (catalogue.rows.empty()) return text;
+  text += Format(
+      "  reversible    %d of %zu branches that end in one: sheared back their "
+      "energy is the same to 1e-8 (worst %.1e)\n",
+      reversible,
+      catalogue.rows.size(),
+      worst_energy);
+
+  PlasticEvent event;
+  std::string error;
+  if (!LocateEvent(catalogue.largest.packing,
+                   catalogue.largest.strain,
+                   catalogue.largest_to,
+                   options,
+                   solver,
+                   &event,
+                   &error)) {
+    BadInput(error);
+  }
+  text += PublishLargest(event, options, output, &summary["largest"]);
   output->Plot({"event", output->folder(), output->Path("event")},
                {"event.svg", "event.png"});
   if (catalogue.rows.size() > 3) {

@@ -5,33 +5,23 @@
 #include <dirent.h>
 #include <unistd.h>
 
-#include <cstdlib>
 #include <string>
 #include <vector>
 
 #include "gtest/gtest.h"
+#include "tests/experiments/binaries.h"
 
 namespace granopt {
 namespace {
 
-class CheckpointTest : public testing::Test {
+class CheckpointTest : public Binaries {
  protected:
-  void SetUp() override {
-    char name[] = "/tmp/granopt_checkpoint_XXXXXX";
-    ASSERT_NE(mkdtemp(name), nullptr);
-    folder_ = name;
-  }
-  void TearDown() override {
-    for (const std::string& file : Files()) unlink((folder_ + file).c_str());
-    rmdir(folder_.c_str());
-  }
-
   std::vector<std::string> Files() const {
     std::vector<std::string> files;
     DIR* directory = opendir(folder_.c_str());
     while (const dirent* entry = readdir(directory)) {
       const std::string file = entry->d_name;
-      if (file != "." && file != "..") files.push_back("/" + file);
+      if (file != "." && file != "..") files.push_back(file);
     }
     closedir(directory);
     return files;
@@ -51,8 +41,6 @@ class CheckpointTest : public testing::Test {
     std::string error;
     EXPECT_TRUE(checkpoint.Write({{"number", number}}, &error)) << error;
   }
-
-  std::string folder_;
 };
 
 TEST_F(CheckpointTest, TheNewestIsReadAndTheOneBeforeKept) {

@@ -42,6 +42,20 @@ TEST_F(Flags, AreCheckedForASingleExtreme) {
       "extremes", cell + "--max_evaluations=0", "--max_evaluations=0");
 }
 
+// All that decides about a state is part of what --resume compares.
+TEST_F(Flags, ThatChangeStatesCannotChangeOnTheWay) {
+  for (const char* mode : {"pure", "wall"}) {
+    const std::string flags =
+        "--smoke --strain=0.004 --out=out --mode=" + std::string(mode);
+    ASSERT_EQ(Do("shear", flags).status, 0);
+    const Outcome run = Do("shear", flags + " --resume --zero_pressure=1e-9");
+    EXPECT_EQ(run.status, 2) << mode;
+    EXPECT_NE(run.err.find("zero_pressure = 1e-13, now 1e-09"),
+              std::string::npos)
+        << run.err;
+  }
+}
+
 TEST_F(Flags, OfThreadsAreInTheProvenance) {
   for (const int threads : {1, 2}) {
     const Outcome run =
