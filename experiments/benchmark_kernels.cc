@@ -17,6 +17,7 @@
 // phi = 0.8438, relaxed from a random start. Arguments count its periodic
 // copies, 1, 4, 16 and 64, and threads.
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -43,8 +44,8 @@
 namespace granopt {
 namespace {
 
-constexpr double kSkin =
-    0.05;  // of the smallest radius, as ContactEnergy's own
+// Of the smallest radius, as ContactEnergy's own.
+constexpr double kSkin = 0.05;
 
 Packing RelaxedPacking() {
   GeneratorOptions options;
@@ -169,10 +170,11 @@ void PerGrain(benchmark::State& state, const Packing& packing) {
                              benchmark::Counter::kInvert);
 }
 
-void BM_ContactEnergy(benchmark::State& state) {
-  const Packing& packing = PackingOf(static_cast<int>(state.range(0)));
+void TimeEnergy(benchmark::State& state,
+                const Packing& packing,
+                const ContactEnergyOptions& law) {
   std::string error;
-  const auto energy = ContactEnergy::Create(packing, {}, &error);
+  const auto energy = ContactEnergy::Create(packing, law, &error);
   std::vector<double> u(energy->NumParameters(), 0.0);
   std::vector<double> gradient(u.size());
   for (auto _ : state) {
@@ -180,6 +182,10 @@ void BM_ContactEnergy(benchmark::State& state) {
         TimedContactEnergy(*energy, u.data(), gradient.data()));
   }
   PerGrain(state, packing);
+}
+
+void BM_ContactEnergy(benchmark::State& state) {
+  TimeEnergy(state, PackingOf(static_cast<int>(state.range(0))), {});
 }
 
 // Double or single precision (the last argument) of a random packing.
@@ -194,14 +200,7 @@ void BM_Precision(benchmark::State& state) {
   std::string error;
   Packing packing;
   GeneratePacking(generator, &packing, &error);
-  const auto energy = ContactEnergy::Create(packing, law, &error);
-  std::vector<double> u(energy->NumParameters(), 0.0);
-  std::vector<double> gradient(u.size());
-  for (auto _ : state) {
-    benchmark::DoNotOptimize(
-        TimedContactEnergy(*energy, u.data(), gradient.data()));
-  }
-  PerGrain(state, packing);
+  TimeEnergy(state, packing, law);
 }
 
 void BM_PlainLoop(benchmark::State& state) {

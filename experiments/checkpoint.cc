@@ -12,9 +12,8 @@
 #include <utility>
 
 #include "boost/crc.hpp"
-#include "experiments/run.h"
 #include "granular/atomic_file.h"
-#include "solvers/format.h"
+#include "granular/packing_io.h"
 
 namespace granopt {
 namespace {
@@ -275,6 +274,17 @@ void Fields(A& a, T& s) {
   a("seconds", s.seconds);
 }
 
+template <typename A, typename T, IfSame<T, StressShearState> = true>
+void Fields(A& a, T& s) {
+  a("shear", s.shear);
+  a("summary", s.summary);
+  a("list_builds", s.list_builds);
+  a("reached", s.reached);
+  a("halvings", s.halvings);
+  a("refused", s.refused);
+  a("why", s.why);
+}
+
 // The object of a file, or false with what is wrong with it in `fault`.
 bool ReadOne(const std::string& path, Json* content, std::string* fault) {
   std::string text;
@@ -375,6 +385,40 @@ std::vector<std::string> CheckpointFiles() {
   return {kCheckpoint, std::string(kCheckpoint) + ".previous"};
 }
 
+Json SceneSetup(const Scene& scene, const SolveOptions& solve) {
+  return {{"packing", Crc32(FormatPacking(scene.packing))},
+          {"alpha", scene.energy.alpha},
+          {"precision", PrecisionName(scene.energy.precision)},
+          {"solver", scene.solver->name()},
+          {"tolerance", solve.relative_tolerance},
+          {"zero_pressure", solve.vanishing_tolerance}};
+}
+
+void CreateOutput(std::vector<std::string> names, bool resume, Output* output) {
+  const std::vector<std::string> kept = CheckpointFiles();
+  if (!resume) names.insert(names.end(), kept.begin(), kept.end());
+  output->Create(FLAGS_out, names, kept);
+  CatchStopSignals();
+}
+
+bool IsCheckpointStep(std::size_t step) {
+  std::size_t every = 1;
+  while (step >= 512 * every) every *= 2;
+  return step % every == 0;
+}
+
+void Save(const Checkpoint& checkpoint, const Json& state) {
+  std::string error;
+  if (!checkpoint.Write(state, &error)) BadInput(error);
+}
+
+int StoppedAsAsked(const std::string& where) {
+  std::printf(
+      "\nstopped as asked, %s: the same command with --resume goes on\n",
+      where.c_str());
+  return kNotConverged;
+}
+
 bool Resume(const Checkpoint& checkpoint, Json* state) {
   std::vector<std::string> faults;
   std::string error;
@@ -394,6 +438,18 @@ bool Resume(const Checkpoint& checkpoint, Json* state) {
   }
   for (const std::string& fault : faults) {
     std::printf("          %s: the one before is used\n", fault.c_str());
+  }
+  return true;
+}
+
+bool Resume(const Checkpoint& checkpoint,
+            const std::function<void(const Json&)>& read) {
+  Json state;
+  if (!Resume(checkpoint, &state)) return false;
+  try {
+    read(state);
+  } catch (const Json::exception& exception) {
+    RefuseState(checkpoint, exception);
   }
   return true;
 }
@@ -435,9 +491,15 @@ RelaxationState RelaxationStateOf(const Json& json) {
 
 Json ToJson(const FlowState& state) { return Written(state); }
 FlowState FlowStateOf(const Json& json) { return ReadFrom<FlowState>(json); }
+
 Json ToJson(const QuasistaticShearState& state) { return Written(state); }
 QuasistaticShearState ShearStateOf(const Json& json) {
   return ReadFrom<QuasistaticShearState>(json);
+}
+
+Json ToJson(const StressShearState& state) { return Written(state); }
+StressShearState StressShearStateOf(const Json& json) {
+  return ReadFrom<StressShearState>(json);
 }
 
 void CatchStopSignals() {

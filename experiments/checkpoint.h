@@ -10,18 +10,22 @@
 #ifndef GRANOPT_EXPERIMENTS_CHECKPOINT_H_
 #define GRANOPT_EXPERIMENTS_CHECKPOINT_H_
 
+#include <cstddef>
+#include <cstdint>
+#include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "experiments/run.h"
+#include "experiments/scene.h"
 #include "granular/flow/flow.h"
 #include "granular/jamming.h"
 #include "granular/quasistatic_shear.h"
 #include "granular/relaxation.h"
-#include "nlohmann/json.hpp"
+#include "granular/stress_shear.h"
 
 namespace granopt {
-
-using Json = nlohmann::ordered_json;
 
 // The file of that name and the one before it, "<path>.previous".
 class Checkpoint {
@@ -53,10 +57,32 @@ class Checkpoint {
 std::string CheckpointPath();
 std::vector<std::string> CheckpointFiles();
 
+// What every setup of a run with a packing says: packing, law, method, and how
+// far states are relaxed.
+Json SceneSetup(const Scene& scene, const SolveOptions& solve);
+
+// Output::Create() of a run with checkpoints, which stay if it is to `resume`;
+// stop signals are noticed from here on.
+void CreateOutput(std::vector<std::string> names, bool resume, Output* output);
+
+// True for each of the first 512 steps, then for every second, fourth, ... one:
+// a state that grows with the steps is then written in linear time.
+bool IsCheckpointStep(std::size_t step);
+
+// BadInput where it cannot be written.
+void Save(const Checkpoint& checkpoint, const Json& state);
+
+// "stopped as asked, <where>: the same command with --resume goes on"; returns
+// the exit status.
+int StoppedAsAsked(const std::string& where);
+
 // For --resume: the state to go on from, with a line on the terminal for what
 // was found; false if nothing was written yet. BadInput for files that cannot
 // be gone on from.
 bool Resume(const Checkpoint& checkpoint, Json* state);
+// The same, handed to `read`; BadInput if that throws Json::exception.
+bool Resume(const Checkpoint& checkpoint,
+            const std::function<void(const Json&)>& read);
 // BadInput for a checkpoint whose state is not of the form that is read here.
 [[noreturn]] void RefuseState(const Checkpoint& checkpoint,
                               const Json::exception& exception);
@@ -76,9 +102,14 @@ RelaxationState RelaxationStateOf(const Json& json);
 // A flow after a step, exactly; the same.
 Json ToJson(const FlowState& state);
 FlowState FlowStateOf(const Json& json);
+
 // A quasistatic deformation between two steps, exactly; the same.
 Json ToJson(const QuasistaticShearState& state);
 QuasistaticShearState ShearStateOf(const Json& json);
+
+// A deformation by a given stress between two steps, exactly; the same.
+Json ToJson(const StressShearState& state);
+StressShearState StressShearStateOf(const Json& json);
 
 // From now on SIGINT and SIGTERM are noticed instead of ending the process;
 // the second one ends it.

@@ -20,24 +20,6 @@ using Json = nlohmann::ordered_json;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-std::string Trimmed(const std::string& text) {
-  const std::size_t first = text.find_first_not_of(' ');
-  if (first == std::string::npos) return "";
-  return text.substr(first, text.find_last_not_of(' ') - first + 1);
-}
-
-std::vector<std::string> Split(const std::string& text, char separator) {
-  std::vector<std::string> parts(1);
-  for (const char c : text) {
-    if (c == separator)
-      parts.emplace_back();
-    else
-      parts.back() += c;
-  }
-  for (std::string& part : parts) part = Trimmed(part);
-  return parts;
-}
-
 struct Kind {
   const char* name;
   double value;  // default; 0: the kind has none
@@ -382,21 +364,6 @@ std::vector<std::string> Notes(const ComparisonSetup& setup,
 
 // ---------------------------------------------------------------- the plan
 
-std::string Neat(double value) {
-  const double size = std::abs(value);
-  const bool scientific = size > 0.0 && (size < 0.1 || size >= 1e6);
-  std::string text;
-  for (int digits = 1; digits <= 17; ++digits) {
-    text = scientific ? Format("%.*e", digits - 1, value)
-                      : Format("%.*g", std::max(digits, 6), value);
-    if (std::strtod(text.c_str(), nullptr) == value) break;
-  }
-  const std::size_t e = text.find('e');
-  if (e == std::string::npos) return text;
-  const int exponent = std::atoi(text.c_str() + e + 1);
-  return text.substr(0, e + 1) + std::to_string(exponent);
-}
-
 bool ParseMethods(const std::string& text,
                   std::vector<Method>* methods,
                   std::string* error) {
@@ -484,57 +451,6 @@ bool ParseCases(const std::string& text,
         return Fail("the case " + one.id + " is given twice", error);
       }
       cases->push_back(one);
-    }
-  }
-  return true;
-}
-
-bool ParseNumbers(const std::string& text,
-                  std::vector<double>* numbers,
-                  std::string* error) {
-  numbers->clear();
-  for (const std::string& entry : Split(text, ',')) {
-    double value = 0.0;
-    if (!ParseDouble(entry, &value) || !(value > 0.0) ||
-        !std::isfinite(value)) {
-      return Fail("'" + entry + "' is not a positive number", error);
-    }
-    if (std::count(numbers->begin(), numbers->end(), value) > 0) {
-      return Fail("'" + entry + "' is given twice", error);
-    }
-    numbers->push_back(value);
-  }
-  return true;
-}
-
-bool ParseSeeds(const std::string& text,
-                std::vector<std::uint64_t>* seeds,
-                std::string* error) {
-  constexpr std::uint64_t kMost = 100000;
-  seeds->clear();
-  for (const std::string& entry : Split(text, ',')) {
-    const std::size_t dash = entry.find('-');
-    std::int64_t first = -1, last = -1;
-    if (!ParseInteger(entry.substr(0, dash), &first) || first < 0)
-      last = -1;
-    else if (dash == std::string::npos)
-      last = first;
-    else if (!ParseInteger(entry.substr(dash + 1), &last))
-      last = -1;
-    if (first < 0 || last < first ||
-        seeds->size() + static_cast<std::uint64_t>(last - first) >= kMost) {
-      return Fail("'" + entry + "' is no seed and no range of seeds like 1-3",
-                  error);
-    }
-    for (std::int64_t seed = first; seed <= last; ++seed) {
-      if (std::count(seeds->begin(),
-                     seeds->end(),
-                     static_cast<std::uint64_t>(seed)) > 0) {
-        return Fail(
-            Format("seed %lld is given twice", static_cast<long long>(seed)),
-            error);
-      }
-      seeds->push_back(static_cast<std::uint64_t>(seed));
     }
   }
   return true;

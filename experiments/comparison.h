@@ -25,9 +25,6 @@ namespace granopt {
 
 // ---------------------------------------------------------------- the plan
 
-// "5e-5", "0.01": a number as people write it.
-std::string Neat(double value);
-
 struct Method {
   std::string label;
   std::string spec;  // for CreateSolver()
@@ -60,14 +57,6 @@ bool ParseCases(const std::string& text,
                 const std::vector<double>& distances,
                 double shear,
                 std::vector<Case>* cases,
-                std::string* error);
-// "1e-2,1e-3", all positive, each once.
-bool ParseNumbers(const std::string& text,
-                  std::vector<double>* numbers,
-                  std::string* error);
-// "1-3,7", each once.
-bool ParseSeeds(const std::string& text,
-                std::vector<std::uint64_t>* seeds,
                 std::string* error);
 
 // The order of the methods in each block of the given repetition (from 0):

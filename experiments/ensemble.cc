@@ -4,12 +4,13 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
-#include <sstream>
+#include <utility>
 
 #include "experiments/children.h"
-#include "experiments/comparison.h"
 #include "experiments/distributions.h"
 #include "experiments/scene.h"
+#include "experiments/statistics.h"
+#include "experiments/tabular.h"
 #include "granular/packing_io.h"
 
 DEFINE_string(seeds,
@@ -146,68 +147,144 @@ std::string SizesCsv(const std::vector<SizeStatistics>& sizes) {
 }
 
 void PrintMembers(const std::vector<Member>& members) {
-  std::printf(
-      "\n    grains  seed  phi_J           error bar  excess  rattlers  "
-      "cycles  relaxations  evaluations        s  certificate\n");
+  std::vector<std::vector<std::string>> rows = {{"grains",
+                                                 "seed",
+                                                 "phi_J",
+                                                 "error bar",
+                                                 "excess",
+                                                 "rattlers",
+                                                 "cycles",
+                                                 "relaxations",
+                                                 "evaluations",
+                                                 "s",
+                                                 "certificate"}};
+  bool all_converged = true;
   for (const Member& m : members) {
-    std::printf("    %6d  %4llu  ",
-                m.particles,
-                static_cast<unsigned long long>(m.seed));
+    rows.push_back({Format("%d", m.particles),
+                    Format("%llu", static_cast<unsigned long long>(m.seed))});
     if (!m.complete) {
-      std::printf("-               %s\n", m.failure.c_str());
+      rows.back().resize(rows[0].size(), "-");
+      rows.back().back() = m.failure;
       continue;
     }
-    std::printf("%.12f  %9.1e%s %6d  %8d  %6d  %11d  %11lld  %7.3g  %s\n",
-                m.phi_j,
-                m.error,
-                m.converged ? " " : "!",
-                m.excess_contacts,
-                m.rattlers,
-                m.cycles,
-                m.relaxations,
-                static_cast<long long>(m.evaluations),
-                m.seconds,
-                m.certificate.empty() ? "none" : m.certificate.c_str());
+    all_converged = all_converged && m.converged;
+    rows.back().insert(rows.back().end(),
+                       {Format("%.12f", m.phi_j),
+                        Format("%.1e%s", m.error, m.converged ? "" : "!"),
+                        Format("%d", m.excess_contacts),
+                        Format("%d", m.rattlers),
+                        Format("%d", m.cycles),
+                        Format("%d", m.relaxations),
+                        Format("%lld", static_cast<long long>(m.evaluations)),
+                        Format("%.3g", m.seconds),
+                        m.certificate.empty() ? "none" : m.certificate});
   }
-  if (std::any_of(members.begin(), members.end(), [](const Member& m) {
-        return m.complete && !m.converged;
-      })) {
-    std::printf("    ! error bar above what was asked\n");
-  }
+  std::printf("\n%s", Grid(rows, 1, false).c_str());
+  if (!all_converged) std::printf("    ! error bar above what was asked\n");
 }
 
 void PrintSizes(const std::vector<SizeStatistics>& sizes) {
-  std::printf(
-      "\n    grains  packings  mean phi_J  deviation  s. e.     least     most "
-      " "
-      "    largest error bar  isostatic  certified\n");
+  std::vector<std::vector<std::string>> rows = {{"grains",
+                                                 "packings",
+                                                 "mean phi_J",
+                                                 "deviation",
+                                                 "s. e.",
+                                                 "least",
+                                                 "most",
+                                                 "largest error bar",
+                                                 "isostatic",
+                                                 "certified"}};
   bool isostatic = true;
   for (const SizeStatistics& s : sizes) {
+    rows.push_back({Format("%d", s.particles), Format("%d", s.complete)});
     if (s.complete == 0) {
-      std::printf("    %6d  %8d\n", s.particles, 0);
+      rows.back().resize(rows[0].size(), "-");
       continue;
     }
-    std::printf(
-        "    %6d  %8d  %.6f    %.6f   %.6f  %.6f  %.6f  %17.1e  %9s  %9s\n",
-        s.particles,
-        s.complete,
-        s.mean,
-        s.deviation,
-        s.standard_error,
-        s.least,
-        s.most,
-        s.largest_error,
-        Format("%d of %d", s.isostatic, s.complete).c_str(),
-        Format("%d of %d", s.certified, s.complete).c_str());
+    rows.back().insert(rows.back().end(),
+                       {Format("%.6f", s.mean),
+                        Format("%.6f", s.deviation),
+                        Format("%.6f", s.standard_error),
+                        Format("%.6f", s.least),
+                        Format("%.6f", s.most),
+                        Format("%.1e", s.largest_error),
+                        Format("%d of %d", s.isostatic, s.complete),
+                        Format("%d of %d", s.certified, s.complete)});
     isostatic = isostatic && s.isostatic == s.complete;
   }
+  std::printf("\n%s", Grid(rows, 0, false).c_str());
   if (!isostatic) {
     std::printf(
         "  not all are isostatic: loops of equal grains may close by "
-        "themselves; "
-        "with radii that all\n  differ (--polydispersity=1e-3) none was seen "
-        "to in some hundred packings\n");
+        "themselves; with radii that all\n  differ (--polydispersity=1e-3) "
+        "none was seen to in some hundred packings\n");
   }
+}
+
+using SizeFits = std::vector<std::pair<int, DistributionFits>>;
+
+Json LineJson(const LineFit& line, double exponent) {
+  return {{"phi_infinity", line.a},
+          {"phi_infinity_error", line.a_error},
+          {"c", -line.b},
+          {"c_error", line.b_error},
+          {"exponent", exponent},
+          {"chi2", line.chi2},
+          {"degrees_of_freedom", line.n - 2}};
+}
+
+void Plot(
+    const LineFit& line, double exponent, int d, bool several, Output* output) {
+  output->Plot({"ensemble",
+                output->Path("ensemble.csv"),
+                output->Path("ensemble"),
+                Format("--dimension=%d", d)},
+               {"ensemble.svg", "ensemble.png"});
+  std::vector<std::string> arguments = {"finite_size",
+                                        output->Path("sizes.csv"),
+                                        output->Path("finite_size"),
+                                        Format("--dimension=%d", d)};
+  if (line.n > 0) {
+    arguments.push_back(Format("--fit=%.17g,%.17g,%.17g,%.17g,%.17g",
+                               line.a,
+                               line.a_error,
+                               -line.b,
+                               line.b_error,
+                               exponent));
+  }
+  if (several) {
+    output->Plot(arguments, {"finite_size.svg", "finite_size.png"});
+  }
+}
+
+void PrintFits(const LineFit& line,
+               double exponent,
+               int d,
+               const SizeFits& fits) {
+  if (line.n > 0) {
+    std::printf(
+        "\n  N -> infinity %.6f +- %.6f, phi_J(N) = that - (%.4f +- %.4f) "
+        "N^-%.3f%s\n",
+        line.a,
+        line.a_error,
+        -line.b,
+        line.b_error,
+        exponent,
+        line.n > 2
+            ? Format(", chi^2 = %.1f of %d", line.chi2, line.n - 2).c_str()
+            : "");
+    if (d == 2) {
+      std::printf("  literature    0.8418 for a rapid quench\n");
+    }
+  }
+  std::printf("\n  weak forces P(f) ~ f^theta, small gaps P(h) ~ h^-gamma\n");
+  for (const auto& [size, fit] : fits) {
+    std::printf("    %6d  %s\n", size, FitsLine(fit).c_str());
+  }
+  std::printf("    theory  theta_l = %.3f, theta_e = %.3f, gamma = %.3f\n",
+              kThetaLocalized,
+              kThetaExtended,
+              kGamma);
 }
 
 }  // namespace
@@ -235,29 +312,26 @@ Ensemble ReadEnsembleFlags(const std::vector<std::string>& own) {
     }
     // "64,4096x3": what follows an x is taken out first.
     std::string numbers;
-    std::vector<std::size_t> most;
-    std::stringstream parts(FLAGS_sizes);
-    for (std::string part; std::getline(parts, part, ',');) {
+    for (const std::string& part : Split(FLAGS_sizes, ',')) {
       const std::size_t x = part.find('x');
-      most.push_back(ensemble.seeds.size());
+      std::size_t most = ensemble.seeds.size();
       if (x != std::string::npos) {
-        std::vector<double> count;
-        if (!ParseNumbers(part.substr(x + 1), &count, &error) ||
-            count.size() != 1 || count[0] != std::floor(count[0]) ||
-            count[0] > static_cast<double>(most.back())) {
+        std::int64_t count = 0;
+        if (!ParseInteger(part.substr(x + 1), &count) || count < 1 ||
+            count > static_cast<std::int64_t>(most)) {
           BadInput("--sizes: " + part +
                    ": after the x belongs how many of the " +
-                   Format("%zu seeds", most.back()));
+                   Format("%zu seeds", most));
         }
-        most.back() = static_cast<std::size_t>(count[0]);
+        most = static_cast<std::size_t>(count);
       }
+      ensemble.seeds_of_size.push_back(most);
       numbers += (numbers.empty() ? "" : ",") + part.substr(0, x);
     }
     std::vector<double> sizes;
     if (!ParseNumbers(numbers, &sizes, &error)) {
       BadInput("--sizes: " + error);
     }
-    ensemble.seeds_of_size = most;
     for (const double size : sizes) {
       if (size != std::floor(size) || !(size >= 1 && size <= kMaxSize)) {
         BadInput(Format(
@@ -277,51 +351,62 @@ Ensemble ReadEnsembleFlags(const std::vector<std::string>& own) {
   return ensemble;
 }
 
+std::vector<int> Ensemble::Sizes() const {
+  return sizes.empty() ? std::vector<int>{FLAGS_particles} : sizes;
+}
+
+std::vector<Ensemble::Run> Ensemble::Runs() const {
+  std::vector<Run> runs;
+  const std::vector<int> all = Sizes();
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const std::size_t most = sizes.empty() ? seeds.size() : seeds_of_size[k];
+    for (std::size_t n = 0; n < most; ++n) {
+      Run run;
+      run.particles = all[k];
+      run.seed = seeds[n];
+      run.arguments = passed;
+      run.arguments.push_back(
+          Format("--seed=%llu", static_cast<unsigned long long>(run.seed)));
+      run.arguments.push_back(Format("--particles=%d", run.particles));
+      run.weight = std::pow(run.particles, 1.5);
+      runs.push_back(run);
+    }
+  }
+  return runs;
+}
+
 SizeStatistics Summarize(const std::vector<Member>& members, int particles) {
   SizeStatistics s;
   s.particles = particles;
   s.least = std::numeric_limits<double>::infinity();
   s.most = -s.least;
-  std::vector<double> seconds;
-  // Differences from the first: a sum of phi_J would round where they differ by
-  // little.
-  double first = 0.0, sum = 0.0, rattlers = 0.0;
+  std::vector<double> seconds, phi_j;
+  double rattlers = 0.0;
   for (const Member& m : members) {
     if (m.particles != particles) continue;
     ++s.asked;
     if (!m.complete) continue;
-    if (s.complete++ == 0) first = m.phi_j;
+    ++s.complete;
     s.converged += m.converged ? 1 : 0;
     s.isostatic += m.excess_contacts == 0 ? 1 : 0;
     s.certified += m.certificate == "strict minimum" ? 1 : 0;
-    sum += m.phi_j - first;
     rattlers += static_cast<double>(m.rattlers) / m.particles;
     s.least = std::min(s.least, m.phi_j);
     s.most = std::max(s.most, m.phi_j);
     s.largest_error = std::max(s.largest_error, m.error);
+    phi_j.push_back(m.phi_j);
     seconds.push_back(m.seconds);
   }
   if (s.complete == 0) {
     s.least = s.most = 0.0;
     return s;
   }
-  s.mean = first + sum / s.complete;
+  const MeanDeviation all = MeanAndDeviation(phi_j);
+  s.mean = all.mean;
+  s.deviation = all.deviation;
+  s.standard_error = all.standard_error;
   s.rattlers = rattlers / s.complete;
-  double squares = 0.0;
-  for (const Member& m : members) {
-    if (m.particles == particles && m.complete) {
-      squares += (m.phi_j - s.mean) * (m.phi_j - s.mean);
-    }
-  }
-  if (s.complete > 1) {
-    s.deviation = std::sqrt(squares / (s.complete - 1));
-    s.standard_error = s.deviation / std::sqrt(static_cast<double>(s.complete));
-  }
-  std::sort(seconds.begin(), seconds.end());
-  const std::size_t half = seconds.size() / 2;
-  s.median_seconds = seconds.size() % 2 == 1
-                         ? seconds[half]
-                         : 0.5 * (seconds[half - 1] + seconds[half]);
+  s.median_seconds = MedianOf(seconds);
   return s;
 }
 
@@ -365,12 +450,7 @@ std::string EnsembleCsv(const std::vector<Member>& members) {
 }
 
 int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
-  std::vector<int> sizes = ensemble.sizes;
-  std::vector<std::size_t> seeds_of_size = ensemble.seeds_of_size;
-  if (sizes.empty()) {
-    sizes = {FLAGS_particles};
-    seeds_of_size = {ensemble.seeds.size()};
-  }
+  const std::vector<int> sizes = ensemble.Sizes();
   Output output;
   output.Create(FLAGS_out,
                 WithDistributionFiles({"summary.json",
@@ -382,25 +462,16 @@ int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
                                        "finite_size.png"}));
   std::vector<Member> members;
   std::vector<Child> children;
-  for (std::size_t k = 0; k < sizes.size(); ++k) {
-    for (std::size_t n = 0; n < seeds_of_size[k]; ++n) {
-      Member member;
-      member.particles = sizes[k];
-      member.seed = ensemble.seeds[n];
-      members.push_back(member);
-      Child child;
-      child.name = NameOf(member);
-      child.arguments = ensemble.passed;
-      child.arguments.push_back(
-          Format("--seed=%llu", static_cast<unsigned long long>(member.seed)));
-      child.arguments.push_back(Format("--particles=%d", member.particles));
-      child.weight = std::pow(member.particles, 1.5);
-      children.push_back(child);
-    }
+  for (const Ensemble::Run& run : ensemble.Runs()) {
+    Member member;
+    member.particles = run.particles;
+    member.seed = run.seed;
+    children.push_back({NameOf(member), run.arguments, run.weight});
+    members.push_back(member);
   }
   const int d = FLAGS_dimension;
-  std::printf("jamming   %d packings, alpha = %g: seeds %s, grains",
-              static_cast<int>(members.size()),
+  std::printf("jamming   %zu packings, alpha = %g: seeds %s, grains",
+              members.size(),
               energy.alpha,
               FLAGS_seeds.c_str());
   for (const int size : sizes) std::printf(" %d", size);
@@ -436,13 +507,15 @@ int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
   json["alpha"] = energy.alpha;
   json["failures"] = Json::array();
   bool all = true;
+  int complete = 0;
   for (const Member& m : members) {
     all = all && m.complete && m.converged;
-    if (m.complete) continue;
+    complete += m.complete ? 1 : 0;
+    if (m.failure.empty()) continue;
     json["failures"].push_back({{"run", NameOf(m)}, {"line", m.failure}});
   }
   json["sizes"] = Json::array();
-  std::vector<std::pair<int, DistributionFits>> fits;
+  SizeFits fits;
   for (const int size : sizes) {
     statistics.push_back(Summarize(members, size));
     json["sizes"].push_back(SizeJson(statistics.back()));
@@ -456,15 +529,7 @@ int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
   }
   const double exponent = FiniteSizeExponent(d);
   const LineFit line = FitFiniteSize(statistics, exponent);
-  if (line.n > 0) {
-    json["finite_size"] = {{"phi_infinity", line.a},
-                           {"phi_infinity_error", line.a_error},
-                           {"c", -line.b},
-                           {"c_error", line.b_error},
-                           {"exponent", exponent},
-                           {"chi2", line.chi2},
-                           {"degrees_of_freedom", line.n - 2}};
-  }
+  if (line.n > 0) json["finite_size"] = LineJson(line, exponent);
   json["schema"] = "granopt/jamming_ensemble/1";
   json["provenance"] = Provenance();
 
@@ -472,64 +537,14 @@ int RunEnsemble(const Ensemble& ensemble, const ContactEnergyOptions& energy) {
   output.Write("sizes.csv", SizesCsv(statistics));
   WriteDistributions(samples, rows, &output);
   output.WriteJson("summary.json", json);
-  if (std::any_of(members.begin(), members.end(), [](const Member& m) {
-        return m.complete;
-      })) {
-    output.Plot({"ensemble",
-                 output.Path("ensemble.csv"),
-                 output.Path("ensemble"),
-                 Format("--dimension=%d", d)},
-                {"ensemble.svg", "ensemble.png"});
-    std::vector<std::string> arguments = {"finite_size",
-                                          output.Path("sizes.csv"),
-                                          output.Path("finite_size"),
-                                          Format("--dimension=%d", d)};
-    if (line.n > 0) {
-      arguments.push_back(Format("--fit=%.17g,%.17g,%.17g,%.17g,%.17g",
-                                 line.a,
-                                 line.a_error,
-                                 -line.b,
-                                 line.b_error,
-                                 exponent));
-    }
-    if (sizes.size() > 1) {
-      output.Plot(arguments, {"finite_size.svg", "finite_size.png"});
-    }
-  }
-
+  if (complete > 0) Plot(line, exponent, d, sizes.size() > 1, &output);
   PrintMembers(members);
   PrintSizes(statistics);
-  if (line.n > 0) {
-    std::printf(
-        "\n  N -> infinity %.6f +- %.6f, phi_J(N) = that - (%.4f +- %.4f) "
-        "N^-%.3f%s\n",
-        line.a,
-        line.a_error,
-        -line.b,
-        line.b_error,
-        exponent,
-        line.n > 2
-            ? Format(", chi^2 = %.1f of %d", line.chi2, line.n - 2).c_str()
-            : "");
-    if (d == 2) {
-      std::printf("  literature    0.8418 for a rapid quench\n");
-    }
-  }
-  std::printf("\n  weak forces P(f) ~ f^theta, small gaps P(h) ~ h^-gamma\n");
-  for (const auto& [size, fit] : fits) {
-    std::printf("    %6d  %s\n", size, FitsLine(fit).c_str());
-  }
-  std::printf("    theory  theta_l = %.3f, theta_e = %.3f, gamma = %.3f\n",
-              kThetaLocalized,
-              kThetaExtended,
-              kGamma);
+  PrintFits(line, exponent, d, fits);
   if (interrupted) {
-    std::printf("\ninterrupted: %d of %d packings have a result\n",
-                static_cast<int>(
-                    std::count_if(members.begin(),
-                                  members.end(),
-                                  [](const Member& m) { return m.complete; })),
-                static_cast<int>(members.size()));
+    std::printf("\ninterrupted: %d of %zu packings have a result\n",
+                complete,
+                members.size());
   }
   output.PrintFiles();
   return all ? kConverged : kNotConverged;

@@ -24,6 +24,18 @@ struct Ensemble {
   bool resume = false;  // of a binary that has the flag
   // Every other flag that the user gave, as --name=value, for the children.
   std::vector<std::string> passed;
+
+  // --particles if --sizes was not given.
+  std::vector<int> Sizes() const;
+  // A run for each size and seed: its flags, and how long it takes beside
+  // others.
+  struct Run {
+    int particles = 0;
+    std::uint64_t seed = 0;
+    std::vector<std::string> arguments;
+    double weight = 1.0;
+  };
+  std::vector<Run> Runs() const;
 };
 
 // Call it after ParseFlags() and before a flag is changed; BadInput for values
@@ -35,7 +47,7 @@ struct Member {
   int particles = 0;
   std::uint64_t seed = 0;
   bool complete = false;   // the run has a result
-  std::string failure;     // one line, if it has none
+  std::string failure;     // one line, if it has none or cannot be read
   bool converged = false;  // error bar as asked
   double phi_j = 0.0;
   double error = 0.0;

@@ -30,7 +30,6 @@
 #include "experiments/tabular.h"
 #include "granular/quad_residual.h"
 #include "granular/stability.h"
-#include "solvers/registry.h"
 
 DECLARE_string(solver);
 
@@ -287,11 +286,7 @@ std::vector<ExtremeScene> Chosen() {
     }
     return chosen;
   }
-  std::string rest = FLAGS_only + ",";
-  while (!rest.empty()) {
-    const std::size_t comma = rest.find(',');
-    const std::string name = rest.substr(0, comma);
-    rest = rest.substr(comma + 1);
+  for (const std::string& name : Split(FLAGS_only, ',')) {
     const auto found = std::find_if(
         AllScenes().begin(),
         AllScenes().end(),
@@ -332,8 +327,7 @@ std::string Text(const Result& r) {
   }
 }
 
-int RunMatrix() {
-  const std::vector<ExtremeScene> scenes = Chosen();
+std::vector<Method> ChosenMethods() {
   std::vector<Method> methods;
   std::string error;
   if (FLAGS_flow) {
@@ -346,11 +340,12 @@ int RunMatrix() {
   for (const Method& method : methods) {
     if (!FLAGS_flow) MakeSolver("solvers", method.spec);
   }
-  CheckRange("jobs", FLAGS_jobs, 1, 1024);
-  CheckPositive("tolerance", FLAGS_tolerance);
-  CheckPositive("max_seconds", FLAGS_max_seconds);
-  CheckRange("max_seconds", FLAGS_max_seconds, 0.0, 1e6);
-  CheckRange("max_evaluations", FLAGS_max_evaluations, 1.0, 9e18);
+  return methods;
+}
+
+// A process for each cell, row by row.
+std::vector<Child> MakeChildren(const std::vector<ExtremeScene>& scenes,
+                                const std::vector<Method>& methods) {
   const std::vector<std::string> passed = PassedFlags({"solvers",
                                                        "only",
                                                        "large",
@@ -362,13 +357,6 @@ int RunMatrix() {
                                                        "extreme",
                                                        "solver",
                                                        "list"});
-  Output output;
-  output.Create(FLAGS_out,
-                {"summary.json",
-                 "extremes.csv",
-                 "extremes.md",
-                 "extremes.svg",
-                 "extremes.png"});
   std::vector<Child> children;
   for (const ExtremeScene& scene : scenes) {
     for (const Method& method : methods) {
@@ -385,6 +373,56 @@ int RunMatrix() {
       children.push_back(child);
     }
   }
+  return children;
+}
+
+Result ResultOf(const ChildResult& outcome) {
+  if (!outcome.failure.empty()) return Lost(outcome.failure);
+  Result r;
+  const Json& json = outcome.summary;
+  if (!CellOf(json.value("cell", ""), &r.cell)) {
+    r.why = "no cell in its summary.json";
+    return r;
+  }
+  r.residual = json.value("residual", 0.0);
+  r.evaluations = json.value("evaluations", std::int64_t{0});
+  r.seconds = json.value("seconds", 0.0);
+  r.why = json.value("why", "");
+  return r;
+}
+
+void PrintMatrix(const std::vector<std::vector<std::string>>& rows,
+                 std::map<Cell, int> count,
+                 const std::vector<std::string>& notes) {
+  std::printf("\n%s\n", Grid(rows, 0, false).c_str());
+  std::fputs(
+      FLAGS_flow
+          ? "  ok: reached its end, every number finite, energy and work agree "
+            "to 1e-9;\n  a number: the part of the energy turned over that the "
+            "integrator made or lost, or out of time\n\n"
+          : "  ok: a certified strict minimum, or E = 0; stationary: "
+            "converged, "
+            "not certified;\n  a number: ended with that residual, in mean "
+            "forces, and says so\n\n",
+      stdout);
+  for (const CellName& entry : kCells) {
+    std::printf("  %-10s %d\n", entry.name, count[entry.cell]);
+  }
+  for (const std::string& note : notes) std::printf("  ! %s\n", note.c_str());
+}
+
+int RunMatrix() {
+  const std::vector<ExtremeScene> scenes = Chosen();
+  const std::vector<Method> methods = ChosenMethods();
+  CheckRange("jobs", FLAGS_jobs, 1, 1024);
+  const std::vector<Child> children = MakeChildren(scenes, methods);
+  Output output;
+  output.Create(FLAGS_out,
+                {"summary.json",
+                 "extremes.csv",
+                 "extremes.md",
+                 "extremes.svg",
+                 "extremes.png"});
   if (FLAGS_flow) {
     std::printf("extremes  %zu flows, %zu steppers, at most %g s each\n",
                 scenes.size(),
@@ -419,18 +457,7 @@ int RunMatrix() {
   for (std::size_t k = 0; k < children.size(); ++k) {
     const ExtremeScene& scene = scenes[k / methods.size()];
     const Method& method = methods[k % methods.size()];
-    Result r;
-    const Json& json = outcomes[k].summary;
-    if (!outcomes[k].failure.empty()) {
-      r = Lost(outcomes[k].failure);
-    } else if (!CellOf(json.value("cell", ""), &r.cell)) {
-      r.why = "no cell in its summary.json";
-    } else {
-      r.residual = json.value("residual", 0.0);
-      r.evaluations = json.value("evaluations", std::int64_t{0});
-      r.seconds = json.value("seconds", 0.0);
-      r.why = json.value("why", "");
-    }
+    Result r = ResultOf(outcomes[k]);
     r.extreme = scene.name;
     r.solver = method.label;
     ++count[r.cell];
@@ -464,21 +491,7 @@ int RunMatrix() {
   output.Plot(
       {"extremes", output.Path("extremes.csv"), output.Path("extremes")},
       {"extremes.svg", "extremes.png"});
-  std::printf("\n%s\n", Grid(rows, 0, false).c_str());
-  std::fputs(
-      FLAGS_flow
-          ? "  ok: reached its end, every number finite, energy and work agree "
-            "to 1e-9;\n  a number: the part of the energy turned over that the "
-            "integrator made or lost, or out of time\n\n"
-          : "  ok: a certified strict minimum, or E = 0; stationary: "
-            "converged, "
-            "not certified;\n  a number: ended with that residual, in mean "
-            "forces, and says so\n\n",
-      stdout);
-  for (const CellName& entry : kCells) {
-    std::printf("  %-10s %d\n", entry.name, count[entry.cell]);
-  }
-  for (const std::string& note : notes) std::printf("  ! %s\n", note.c_str());
+  PrintMatrix(rows, count, notes);
   output.PrintFiles();
   return count[Cell::WRONG] + count[Cell::LOST] == 0 && !interrupted
              ? kConverged
@@ -505,6 +518,10 @@ int Main() {
       gflags::SetCommandLineOption("max_seconds", "5");
     }
   }
+  CheckPositive("tolerance", FLAGS_tolerance);
+  CheckPositive("max_seconds", FLAGS_max_seconds);
+  CheckRange("max_seconds", FLAGS_max_seconds, 0.0, 1e6);
+  CheckRange("max_evaluations", FLAGS_max_evaluations, 1.0, 9e18);
   if (FLAGS_extreme.empty()) return RunMatrix();
   return FLAGS_flow ? RunFlowCell() : RunCell();
 }

@@ -178,118 +178,140 @@ bool RunModel(const FlowPreset& preset,
   return true;
 }
 
+// "ok", "no": the difference is within or beyond what is allowed by two
+// standard errors; "?": more starts would tell.
+const char* Verdict(double difference, double error, double allowed) {
+  const double size = std::abs(difference);
+  if (size + 2.0 * error <= allowed) return "ok";
+  if (size - 2.0 * error > allowed) return "no";
+  return "?";
+}
+
+// Of one quantity of one model over all starts.
 struct Change {
-  double mean = 0.0, error = 0.0;  // of one quantity of one model
-  double difference = 0.0, difference_error = 0.0;  // from the whole model
+  MeanDeviation value;
+  MeanDeviation difference;  // from the whole model, start by start
+  double whole = 0.0;        // size of the whole model's mean
+  const char* verdict = "?";
 };
 
-int RunFlows(const FlowPreset& preset,
-             const std::vector<bool>& wanted,
-             Output* output) {
+Change ChangeOf(const std::vector<double>& values,
+                const std::vector<double>& whole) {
+  std::vector<double> apart;
+  for (std::size_t s = 0; s < values.size(); ++s) {
+    apart.push_back(values[s] - whole[s]);
+  }
+  Change change;
+  change.value = MeanAndDeviation(values);
+  change.difference = MeanAndDeviation(apart);
+  change.whole = std::abs(MeanAndDeviation(whole).mean);
+  change.verdict = Verdict(change.difference.mean,
+                           change.difference.standard_error,
+                           FLAGS_accuracy * change.whole);
+  return change;
+}
+
+constexpr char kCsvHead[] =
+    "model,quantity,mean,standard_error,difference,difference_error,verdict,"
+    "cpu_seconds_a_step\n";
+
+std::string CsvRow(const char* model,
+                   const char* quantity,
+                   const Change& change,
+                   double seconds) {
+  return Field(model) + "," + quantity +
+         Format(",%.9g,%.4g,%.9g,%.4g,%s,%.6g\n",
+                change.value.mean,
+                change.value.standard_error,
+                change.difference.mean,
+                change.difference.standard_error,
+                change.verdict,
+                seconds);
+}
+
+// table[m][q], and the median CPU time of a step.
+struct Rungs {
+  std::vector<std::vector<Change>> table;
+  std::vector<double> seconds;
+};
+
+Rungs Climb(const FlowPreset& preset) {
   std::vector<std::vector<std::vector<double>>> values(
       kModels, std::vector<std::vector<double>>(kNumQuantities));
   std::vector<std::vector<double>> seconds(kModels);
   std::string error;
-  {
-    Progress progress;
-    for (int s = 1; s <= FLAGS_seeds; ++s) {
-      for (const int m : MethodOrder(kModels, s - 1)) {
-        if (progress.Due()) {
-          progress.Show(
-              Format("start %d of %d, %s", s, FLAGS_seeds, kLadder[m].name));
-        }
-        double observed[kNumQuantities];
-        double cost = 0.0;
-        if (!RunModel(preset,
-                      kLadder[m],
-                      FLAGS_seed + static_cast<std::uint64_t>(s) - 1,
-                      observed,
-                      &cost,
-                      &error)) {
-          BadInput(std::string(kLadder[m].name) + ": " + error);
-        }
-        for (int q = 0; q < kNumQuantities; ++q) {
-          values[m][q].push_back(observed[q]);
-        }
-        seconds[m].push_back(cost);
+  Progress progress;
+  for (int s = 1; s <= FLAGS_seeds; ++s) {
+    for (const int m : MethodOrder(kModels, s - 1)) {
+      if (progress.Due()) {
+        progress.Show(
+            Format("start %d of %d, %s", s, FLAGS_seeds, kLadder[m].name));
       }
+      double observed[kNumQuantities];
+      double cost = 0.0;
+      if (!RunModel(preset,
+                    kLadder[m],
+                    FLAGS_seed + static_cast<std::uint64_t>(s) - 1,
+                    observed,
+                    &cost,
+                    &error)) {
+        BadInput(std::string(kLadder[m].name) + ": " + error);
+      }
+      for (int q = 0; q < kNumQuantities; ++q) {
+        values[m][q].push_back(observed[q]);
+      }
+      seconds[m].push_back(cost);
     }
   }
-  std::vector<std::vector<Change>> table(kModels,
-                                         std::vector<Change>(kNumQuantities));
+  Rungs ladder;
   for (int m = 0; m < kModels; ++m) {
+    ladder.table.emplace_back();
     for (int q = 0; q < kNumQuantities; ++q) {
-      std::vector<double> apart;
-      for (int s = 0; s < FLAGS_seeds; ++s) {
-        apart.push_back(values[m][q][s] - values[kWhole][q][s]);
-      }
-      const MeanDeviation value = MeanAndDeviation(values[m][q]);
-      const MeanDeviation difference = MeanAndDeviation(apart);
-      table[m][q] = {value.mean,
-                     value.standard_error,
-                     difference.mean,
-                     difference.standard_error};
+      ladder.table[m].push_back(ChangeOf(values[m][q], values[kWhole][q]));
     }
+    ladder.seconds.push_back(MedianOf(seconds[m]));
   }
-  // Good enough, too far, or more starts are needed to tell.
-  const auto verdict = [&](int m, int q) -> const char* {
-    const double allowed = FLAGS_accuracy * std::abs(table[kWhole][q].mean);
-    const Change& t = table[m][q];
-    const double two = 2.0 * t.difference_error;
-    if (std::abs(t.difference) + two <= allowed) return "ok";
-    if (std::abs(t.difference) - two > allowed) return "no";
-    return "?";
-  };
+  return ladder;
+}
+
+// The cheapest model whose wanted quantities are all right, or -1; `is_open`:
+// one below it may be.
+int Recommended(const Rungs& ladder,
+                const std::vector<bool>& wanted,
+                bool* is_open) {
   int recommended = -1;
-  bool is_open = false;
+  *is_open = false;
   for (int m = 0; m < kModels; ++m) {
     bool all = true, open = false;
     for (int q = 0; q < kNumQuantities; ++q) {
       if (!wanted[q]) continue;
-      const std::string v = verdict(m, q);
-      all = all && v == "ok";
-      open = open || v == "?";
+      const std::string verdict = ladder.table[m][q].verdict;
+      all = all && verdict == "ok";
+      open = open || verdict == "?";
     }
     if (!all) {
-      is_open = is_open || (open && recommended < 0);
+      *is_open = *is_open || (open && recommended < 0);
       continue;
     }
-    if (recommended < 0 ||
-        MedianOf(seconds[m]) < MedianOf(seconds[recommended])) {
+    if (recommended < 0 || ladder.seconds[m] < ladder.seconds[recommended]) {
       recommended = m;
     }
   }
+  return recommended;
+}
 
-  std::string csv =
-      "model,quantity,mean,standard_error,difference,difference_error,verdict,"
-      "cpu_seconds_a_step\n";
+int RunFlows(const FlowPreset& preset,
+             const std::vector<bool>& wanted,
+             Output* output) {
+  const Rungs ladder = Climb(preset);
+  bool is_open = false;
+  const int recommended = Recommended(ladder, wanted, &is_open);
+
+  std::string csv = kCsvHead;
   std::vector<std::vector<std::string>> rows = {{"model", "us a step"}};
   for (const Quantity& quantity : kQuantities) {
     rows[0].push_back(quantity.name);
     rows[0].push_back("change");
-  }
-  for (int m = 0; m < kModels; ++m) {
-    rows.push_back(
-        {kLadder[m].name, Format("%.2f", 1e6 * MedianOf(seconds[m]))});
-    for (int q = 0; q < kNumQuantities; ++q) {
-      const Change& t = table[m][q];
-      csv += Field(kLadder[m].name) + "," + kQuantities[q].name +
-             Format(",%.9g,%.4g,%.9g,%.4g,%s,%.6g\n",
-                    t.mean,
-                    t.error,
-                    t.difference,
-                    t.difference_error,
-                    verdict(m, q),
-                    MedianOf(seconds[m]));
-      rows.back().push_back(Format("%.4f(%.0f)", t.mean, 1e4 * t.error));
-      const double whole = std::abs(table[kWhole][q].mean);
-      rows.back().push_back(m == kWhole
-                                ? "-"
-                                : Format("%+.1f +- %.1f %% %s",
-                                         100.0 * t.difference / whole,
-                                         100.0 * t.difference_error / whole,
-                                         verdict(m, q)));
-    }
   }
   Json json;
   json["scene"] = preset.name;
@@ -299,15 +321,26 @@ int RunFlows(const FlowPreset& preset,
       recommended < 0 ? "none" : std::string(kLadder[recommended].name);
   json["models"] = Json::array();
   for (int m = 0; m < kModels; ++m) {
+    rows.push_back({kLadder[m].name, Format("%.2f", 1e6 * ladder.seconds[m])});
     Json model = {{"model", kLadder[m].name},
-                  {"cpu_seconds_a_step", MedianOf(seconds[m])}};
+                  {"cpu_seconds_a_step", ladder.seconds[m]}};
     for (int q = 0; q < kNumQuantities; ++q) {
+      const Change& t = ladder.table[m][q];
+      csv += CsvRow(kLadder[m].name, kQuantities[q].name, t, ladder.seconds[m]);
+      rows.back().push_back(
+          Format("%.4f(%.0f)", t.value.mean, 1e4 * t.value.standard_error));
+      rows.back().push_back(
+          m == kWhole ? "-"
+                      : Format("%+.1f +- %.1f %% %s",
+                               100.0 * t.difference.mean / t.whole,
+                               100.0 * t.difference.standard_error / t.whole,
+                               t.verdict));
       model[kQuantities[q].name] = {
-          {"mean", table[m][q].mean},
-          {"standard_error", table[m][q].error},
-          {"difference", table[m][q].difference},
-          {"difference_error", table[m][q].difference_error},
-          {"verdict", verdict(m, q)}};
+          {"mean", t.value.mean},
+          {"standard_error", t.value.standard_error},
+          {"difference", t.difference.mean},
+          {"difference_error", t.difference.standard_error},
+          {"verdict", t.verdict}};
     }
     json["models"].push_back(model);
   }
@@ -338,7 +371,7 @@ int RunFlows(const FlowPreset& preset,
         "whole\n",
         100.0 * FLAGS_accuracy,
         kLadder[recommended].name,
-        MedianOf(seconds[recommended]) / MedianOf(seconds[kWhole]));
+        ladder.seconds[recommended] / ladder.seconds[kWhole]);
   }
   if (is_open) {
     std::printf("  cheaper ones are undecided: more --seeds would tell\n");
@@ -366,72 +399,78 @@ const PackingModel kPackingModels[] = {
 };
 constexpr int kPackingModelCount = 6;
 
-int RunPackings(Output* output) {
-  struct Observed {
-    std::vector<double> z, g, b, p, seconds;
-  };
+constexpr const char* kPackingQuantities[] = {"z", "G", "B", "p"};
+constexpr int kPackingQuantityCount = 4;
+
+// Of one model, over all packings.
+struct Observed {
+  std::vector<double> values[kPackingQuantityCount];
+  std::vector<double> seconds;  // CPU, of the relaxation
+};
+
+std::vector<Observed> ObservePackings(Output* output) {
   std::vector<Observed> observed(kPackingModelCount);
   std::string error;
   const std::unique_ptr<Solver> first_order = MakeSolver("solver", "lbfgs");
-  {
-    Progress progress;
-    for (int s = 0; s < FLAGS_seeds; ++s) {
-      FLAGS_alpha = 2.0;
-      const Scene scene =
-          MakeScene(0.86, FLAGS_seed + static_cast<std::uint64_t>(s));
-      const std::unique_ptr<Solver> prepare =
-          MakeSolver("solver", kDefaultSolver);
-      Preparation preparation(scene, *prepare, 0.86, output);
-      std::vector<Packing> states;
-      if (!preparation.NearJamming(FLAGS_seed + static_cast<std::uint64_t>(s),
-                                   {1e-3},
-                                   &states,
-                                   &error)) {
+  Progress progress;
+  for (int s = 0; s < FLAGS_seeds; ++s) {
+    const Scene scene =
+        MakeScene(0.86, FLAGS_seed + static_cast<std::uint64_t>(s));
+    const std::unique_ptr<Solver> prepare =
+        MakeSolver("solver", kDefaultSolver);
+    Preparation preparation(scene, *prepare, 0.86, output);
+    std::vector<Packing> states;
+    if (!preparation.NearJamming(FLAGS_seed + static_cast<std::uint64_t>(s),
+                                 {1e-3},
+                                 &states,
+                                 &error)) {
+      BadInput(error);
+    }
+    preparation.ClearProgress();
+    Packing start = states[0];
+    start.Deform(SimpleShear(start.dimension(), 1e-5));
+    for (int m = 0; m < kPackingModelCount; ++m) {
+      const PackingModel& model = kPackingModels[m];
+      ContactEnergyOptions law;
+      law.alpha = model.alpha;
+      law.precision = model.precision;
+      SolveOptions options = MakeSolveOptions();
+      options.relative_tolerance = model.tolerance;
+      options.max_evaluations = 200000;
+      Relaxation run;
+      const double begin = CpuSeconds();
+      if (!Relax(start, law, *first_order, options, &run, &error)) {
         BadInput(error);
       }
-      preparation.ClearProgress();
-      Packing start = states[0];
-      start.Deform(SimpleShear(start.dimension(), 1e-5));
-      for (int m = 0; m < kPackingModelCount; ++m) {
-        const PackingModel& model = kPackingModels[m];
-        ContactEnergyOptions law;
-        law.alpha = model.alpha;
-        law.precision = model.precision;
-        SolveOptions options = MakeSolveOptions();
-        options.relative_tolerance = model.tolerance;
-        options.max_evaluations = 200000;
-        Relaxation run;
-        const double begin = CpuSeconds();
-        if (!Relax(start, law, *first_order, options, &run, &error)) {
-          BadInput(error);
-        }
-        const double cost = CpuSeconds() - begin;
-        const ElasticResponse r =
-            ComputeElasticResponse(run.packing, law, model.prestress);
-        if (!r.found) {
-          BadInput(Format("packing %d, %s: no moduli: %s",
-                          s + 1,
-                          model.name,
-                          r.message.c_str()));
-        }
-        Observed& o = observed[m];
-        // Moduli in units of kappa, so that laws compare.
-        const double kappa = (model.alpha - 1.0) * run.observables.mean_force /
-                             run.observables.mean_overlap;
-        o.z.push_back(run.observables.coordination);
-        o.g.push_back(r.shear_mean / kappa);
-        o.b.push_back(r.bulk_growth / kappa);
-        o.p.push_back(run.observables.pressure / kappa);
-        o.seconds.push_back(cost);
+      const double cost = CpuSeconds() - begin;
+      const ElasticResponse r =
+          ComputeElasticResponse(run.packing, law, model.prestress);
+      if (!r.found) {
+        BadInput(Format("packing %d, %s: no moduli: %s",
+                        s + 1,
+                        model.name,
+                        r.message.c_str()));
       }
-      if (progress.Due()) {
-        progress.Show(Format("packing %d of %d", s + 1, FLAGS_seeds));
-      }
+      Observed& o = observed[m];
+      // Moduli in units of kappa, so that laws compare.
+      const double kappa = (model.alpha - 1.0) * run.observables.mean_force /
+                           run.observables.mean_overlap;
+      o.values[0].push_back(run.observables.coordination);
+      o.values[1].push_back(r.shear_mean / kappa);
+      o.values[2].push_back(r.bulk_growth / kappa);
+      o.values[3].push_back(run.observables.pressure / kappa);
+      o.seconds.push_back(cost);
+    }
+    if (progress.Due()) {
+      progress.Show(Format("packing %d of %d", s + 1, FLAGS_seeds));
     }
   }
-  std::string csv =
-      "model,quantity,mean,standard_error,difference,difference_error,verdict,"
-      "cpu_seconds_a_step\n";
+  return observed;
+}
+
+int RunPackings(Output* output) {
+  const std::vector<Observed> observed = ObservePackings(output);
+  std::string csv = kCsvHead;
   std::vector<std::vector<std::string>> rows = {{"model",
                                                  "CPU ms",
                                                  "z",
@@ -446,46 +485,25 @@ int RunPackings(Output* output) {
   json["scene"] = "packing";
   json["models"] = Json::array();
   for (int m = 0; m < kPackingModelCount; ++m) {
-    rows.push_back({kPackingModels[m].name,
-                    Format("%.2f", 1e3 * MedianOf(observed[m].seconds))});
-    Json of_model = {{"model", kPackingModels[m].name},
-                     {"cpu_seconds", MedianOf(observed[m].seconds)}};
-    const std::vector<double>* const mine[] = {
-        &observed[m].z, &observed[m].g, &observed[m].b, &observed[m].p};
-    const std::vector<double>* const whole[] = {
-        &observed[0].z, &observed[0].g, &observed[0].b, &observed[0].p};
-    const char* const names[] = {"z", "G", "B", "p"};
-    for (int q = 0; q < 4; ++q) {
-      std::vector<double> apart;
-      for (std::size_t s = 0; s < mine[q]->size(); ++s) {
-        apart.push_back((*mine[q])[s] - (*whole[q])[s]);
-      }
-      const MeanDeviation value = MeanAndDeviation(*mine[q]);
-      const MeanDeviation difference = MeanAndDeviation(apart);
-      const double size = std::abs(MeanAndDeviation(*whole[q]).mean);
-      const double e = difference.standard_error;
-      const char* verdict =
-          std::abs(difference.mean) + 2.0 * e <= FLAGS_accuracy * size  ? "ok"
-          : std::abs(difference.mean) - 2.0 * e > FLAGS_accuracy * size ? "no"
-                                                                        : "?";
-      rows.back().push_back(Format("%.5g", value.mean));
-      rows.back().push_back(m == 0 ? "-"
-                                   : Format("%+.1e +- %.0e %s",
-                                            difference.mean / size,
-                                            e / size,
-                                            verdict));
-      csv += Field(kPackingModels[m].name) + "," + names[q] +
-             Format(",%.9g,%.4g,%.9g,%.4g,%s,%.6g\n",
-                    value.mean,
-                    value.standard_error,
-                    difference.mean,
-                    e,
-                    verdict,
-                    MedianOf(observed[m].seconds));
-      of_model[names[q]] = {{"mean", value.mean},
-                            {"difference", difference.mean},
-                            {"difference_error", e},
-                            {"verdict", verdict}};
+    const char* const model = kPackingModels[m].name;
+    const double seconds = MedianOf(observed[m].seconds);
+    rows.push_back({model, Format("%.2f", 1e3 * seconds)});
+    Json of_model = {{"model", model}, {"cpu_seconds", seconds}};
+    for (int q = 0; q < kPackingQuantityCount; ++q) {
+      const char* const quantity = kPackingQuantities[q];
+      const Change t = ChangeOf(observed[m].values[q], observed[0].values[q]);
+      rows.back().push_back(Format("%.5g", t.value.mean));
+      rows.back().push_back(m == 0
+                                ? "-"
+                                : Format("%+.1e +- %.0e %s",
+                                         t.difference.mean / t.whole,
+                                         t.difference.standard_error / t.whole,
+                                         t.verdict));
+      csv += CsvRow(model, quantity, t, seconds);
+      of_model[quantity] = {{"mean", t.value.mean},
+                            {"difference", t.difference.mean},
+                            {"difference_error", t.difference.standard_error},
+                            {"verdict", t.verdict}};
     }
     json["models"].push_back(of_model);
   }
@@ -507,7 +525,34 @@ int RunPackings(Output* output) {
   return kConverged;
 }
 
+// BadInput for flags that would change nothing. Call it before any is changed.
+void RefuseForeignFlags() {
+  const std::vector<const char*> foreign =
+      FLAGS_scene == "packing" ? std::vector<const char*>{"alpha",
+                                                          "precision",
+                                                          "input",
+                                                          "observables",
+                                                          "duration",
+                                                          "dt"}
+                               : std::vector<const char*>{"input",
+                                                          "particles",
+                                                          "dimension",
+                                                          "size_ratio",
+                                                          "polydispersity",
+                                                          "alpha",
+                                                          "precision",
+                                                          "tolerance",
+                                                          "zero_pressure",
+                                                          "threads"};
+  for (const char* flag : foreign) {
+    if (!IsGiven(flag)) continue;
+    BadInput(std::string("--") + flag +
+             " cannot go with --scene=" + FLAGS_scene);
+  }
+}
+
 int Main() {
+  RefuseForeignFlags();
   CheckPositive("accuracy", FLAGS_accuracy);
   CheckRange("seeds", FLAGS_seeds, 2, 100000);
   CheckPositive("duration", FLAGS_duration);
@@ -519,10 +564,7 @@ int Main() {
     if (!IsGiven("particles")) FLAGS_particles = 128;
   }
   std::vector<bool> wanted(kNumQuantities, false);
-  std::string rest = FLAGS_observables + ",";
-  while (!rest.empty()) {
-    const std::string name = rest.substr(0, rest.find(','));
-    rest = rest.substr(rest.find(',') + 1);
+  for (const std::string& name : Split(FLAGS_observables, ',')) {
     bool known = false;
     for (int q = 0; q < kNumQuantities; ++q) {
       if (name != kQuantities[q].name) continue;
@@ -533,6 +575,9 @@ int Main() {
                "' is none of T, relative_fraction, dissipated, spread");
     }
   }
+  const std::vector<std::string> files = {
+      "summary.json", "fidelity.csv", "fidelity.svg", "fidelity.png"};
+  Output output;
   for (const FlowPreset& preset : kPresets) {
     if (FLAGS_scene != preset.name) continue;
     std::printf(
@@ -544,10 +589,7 @@ int Main() {
         FLAGS_duration,
         FLAGS_dt);
     std::fflush(stdout);
-    Output output;
-    output.Create(
-        FLAGS_out,
-        {"summary.json", "fidelity.csv", "fidelity.svg", "fidelity.png"});
+    output.Create(FLAGS_out, files);
     return RunFlows(preset, wanted, &output);
   }
   if (FLAGS_scene != "packing") {
@@ -556,10 +598,7 @@ int Main() {
   std::printf("fidelity  packing: %d discs, law, pre-stress, precision\n",
               FLAGS_particles);
   std::fflush(stdout);
-  Output output;
-  output.Create(
-      FLAGS_out,
-      {"summary.json", "fidelity.csv", "fidelity.svg", "fidelity.png"});
+  output.Create(FLAGS_out, files);
   return RunPackings(&output);
 }
 

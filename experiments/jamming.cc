@@ -19,7 +19,6 @@
 #include "experiments/ensemble.h"
 #include "experiments/run.h"
 #include "experiments/scene.h"
-#include "granular/packing_io.h"
 #include "granular/quad_residual.h"
 
 DEFINE_double(
@@ -112,78 +111,21 @@ JammingOptions MakeJammingOptions(const Scene& scene, double phi_init) {
 
 // What must be the same for a run to go on from a checkpoint.
 Json Setup(const Scene& scene, const JammingOptions& options) {
-  Json setup = {{"packing", Crc32(FormatPacking(scene.packing))},
-                {"alpha", scene.energy.alpha},
-                {"solver", scene.solver->name()},
-                {"tolerance", options.solve.relative_tolerance},
-                {"zero_pressure", options.solve.vanishing_tolerance},
-                {"route", JammingRouteName(options.route)},
+  Json setup = SceneSetup(scene, options.solve);
+  setup.update({{"route", JammingRouteName(options.route)},
                 {"phi_init", options.phi_init},
                 {"dphi", options.phi_increment},
                 {"overcompression", options.overcompression},
                 {"epsilon", options.accuracy},
                 {"error_bar", FLAGS_error_bar},
-                {"until_isostatic", options.until_isostatic}};
-  // Not in checkpoints from before there was a choice.
-  if (scene.energy.precision != Precision::DOUBLE) {
-    setup["precision"] = PrecisionName(scene.energy.precision);
-  }
+                {"until_isostatic", options.until_isostatic}});
   return setup;
 }
 
-// The state to go on from, and the rows of path.csv until then.
-void ReadCheckpoint(const Checkpoint& checkpoint,
-                    JammingState* state,
-                    std::string* path_csv) {
-  Json json;
-  if (!Resume(checkpoint, &json)) return;
-  try {
-    *state = JammingStateOf(json.at("search"));
-    json.at("path").get_to(*path_csv);
-  } catch (const Json::exception& exception) {
-    RefuseState(checkpoint, exception);
-  }
-  std::printf("          resumed after relaxation %d\n", state->relaxations);
-}
-
-int Main() {
-  // Before defaults are changed: what the user gave goes to every child.
-  const Ensemble ensemble = ReadEnsembleFlags();
-  CheckFlags();
-  const double phi_random = FLAGS_dimension == 3 ? 0.58 : 0.80;
-  Scene scene =
-      MakeSceneWithSolver(FLAGS_phi_init > 0.0 ? FLAGS_phi_init : phi_random);
-  const int d = scene.packing.dimension();
-  const double phi_init = FLAGS_phi_init > 0.0  ? FLAGS_phi_init
-                          : FLAGS_input.empty() ? phi_random
-                                                : 0.0;
-  JammingOptions options = MakeJammingOptions(scene, phi_init);
-  const double finest = FLAGS_error_bar > 0.0
-                            ? std::min(FLAGS_epsilon, FLAGS_error_bar)
-                            : FLAGS_epsilon;
-
-  if (ensemble.asked) return RunEnsemble(ensemble, scene.energy);
-
-  Output output;
-  std::vector<std::string> names =
-      WithDistributionFiles(WithCertificateFiles({"summary.json",
-                                                  "packing.xyz",
-                                                  "contacts.csv",
-                                                  "path.csv",
-                                                  "stage_initial.xyz",
-                                                  "stage_unjammed.xyz",
-                                                  "packing.svg",
-                                                  "packing.png",
-                                                  "stages.svg",
-                                                  "stages.png",
-                                                  "path.svg",
-                                                  "path.png"}));
-  std::string csv =
-      "stage,phi,energy,pressure,coordination,rigid_grains,rigid_contacts,"
-      "verdict,iterations,evaluations,seconds\n";
-  const std::string start_text =
-      phi_init > 0.0
-          ? Format("phi = %.4f", phi_init)
+void PrintTask(const Scene& scene, const JammingOptions& options) {
+  const std::string start =
+      options.phi_init > 0.0
+          ? Format("phi = %.4f", options.phi_init)
           : Format("phi = %.6f as it is", scene.packing.PackingFraction());
   std::printf("jamming   %s (%s), alpha = %g\n",
               Describe(scene.packing).c_str(),
@@ -191,7 +133,7 @@ int Main() {
               scene.energy.alpha);
   std::printf("          %s: from %s grow %s by %g",
               FLAGS_overcompression > 0.0 ? "sharp" : "Algorithm 1",
-              start_text.c_str(),
+              start.c_str(),
               options.route == JammingRoute::CELL ? "(by shrinking the cell)"
                                                   : "the radii",
               options.phi_increment);
@@ -217,105 +159,85 @@ int Main() {
       options.solve.relative_tolerance,
       FLAGS_zero_pressure);
   std::printf("          method %s\n", scene.solver->name().c_str());
+}
 
-  JammingState state;
-  std::string error;
-  if (!BeginJamming(scene.packing, options, &state, &error)) BadInput(error);
-  const Checkpoint checkpoint(CheckpointPath(), Setup(scene, options));
-  if (FLAGS_resume) ReadCheckpoint(checkpoint, &state, &csv);
-  std::fflush(stdout);
-  const std::vector<std::string> kept = CheckpointFiles();
-  if (!FLAGS_resume) names.insert(names.end(), kept.begin(), kept.end());
-  output.Create(FLAGS_out, names, kept);
-  CatchStopSignals();
+// ------------------------------------------------------------ progress
 
-  JammingResult result;
-  bool found;
-  {
-    Progress progress;
-    int done = state.relaxations;
-    // Seconds and number of the relaxations of the present stage.
-    double spent = 0.0;
-    int in_stage = 0;
-    JammingStage stage = JammingStage::START;
-    std::string stage_line;
-    // What is left of the present stage, in relaxations.
-    const auto estimate = [&](const JammingStep& step) {
-      const double mean = spent / std::max(1, in_stage);
-      switch (step.stage) {
-        case JammingStage::BISECTION: {
-          const double left = std::ceil(
-              std::log2((step.phi_jammed - step.phi_unjammed) / FLAGS_epsilon));
-          return Format(
-              "bracket [%.7f, %.7f], at most %.0f more halvings, "
-              "about %.0f s",
-              step.phi_unjammed,
-              step.phi_jammed,
-              std::max(0.0, left),
-              std::max(0.0, left) * mean);
-        }
-        case JammingStage::DECOMPRESSION:
-          return Format("error bar %.1e (to %.1e)", step.distance, finest);
-        default:
-          return Format("phi = %.4f, discs jam near 0.84, spheres near 0.64",
-                        step.phi);
-      }
-    };
-    options.solve.callback = [&](const IterationState& state) {
-      if (progress.Due()) {
-        progress.Show(
-            Format("%s | relaxation %d, iteration %lld: |g| / mean force %.1e",
-                   stage_line.c_str(),
-                   done + 1,
-                   static_cast<long long>(state.counters.iterations),
-                   state.scales.gradient > 0
-                       ? state.max_gradient / state.scales.gradient
-                       : 0.0));
-      }
-      return true;
-    };
-    const auto observer = [&](const JammingStep& step) {
-      const Observables& o = step.result->observables;
-      const Summary& s = step.result->summary;
-      ++done;
-      if (step.stage != stage) {
-        stage = step.stage;
-        spent = 0.0;
-        in_stage = 0;
-      }
-      spent += s.seconds;
-      ++in_stage;
-      csv += Format("%s,%.17g,%.17g,%.17g,%.17g,%d,%d,%s,%lld,%lld,%.6g\n",
-                    JammingStageName(step.stage),
-                    o.packing_fraction,
-                    o.energy,
-                    o.pressure,
-                    o.coordination,
-                    o.rigid_grains,
-                    o.rigid_contacts,
-                    JammingVerdictName(step.verdict),
-                    static_cast<long long>(s.counters.iterations),
-                    static_cast<long long>(s.counters.evaluations),
-                    s.seconds);
-      stage_line =
-          std::string(JammingStageName(step.stage)) + ": " + estimate(step);
-      std::string fault;
-      if (!checkpoint.Write({{"search", ToJson(*step.state)}, {"path", csv}},
-                            &fault)) {
-        BadInput(fault);
-      }
-      return !StopRequested();
-    };
-    found = ContinueJamming(
-        options, *scene.solver, observer, &state, &result, &error);
+// Where the search stands and what is left of its stage, in relaxations.
+class StageLine {
+ public:
+  void Note(const JammingStep& step) {
+    if (step.stage != stage_) {
+      stage_ = step.stage;
+      spent_ = 0.0;
+      in_stage_ = 0;
+    }
+    spent_ += step.result->summary.seconds;
+    ++in_stage_;
+    text_ = std::string(JammingStageName(step.stage)) + ": " + Estimate(step);
   }
-  if (!found && StopRequested()) {
-    std::printf(
-        "\nstopped as asked, after relaxation %d: the same command with "
-        "--resume goes on\n",
-        state.relaxations);
-    return kNotConverged;
+  const std::string& text() const { return text_; }
+
+ private:
+  std::string Estimate(const JammingStep& step) const {
+    const double mean = spent_ / std::max(1, in_stage_);
+    switch (step.stage) {
+      case JammingStage::BISECTION: {
+        const double left = std::ceil(
+            std::log2((step.phi_jammed - step.phi_unjammed) / FLAGS_epsilon));
+        return Format(
+            "bracket [%.7f, %.7f], at most %.0f more halvings, "
+            "about %.0f s",
+            step.phi_unjammed,
+            step.phi_jammed,
+            std::max(0.0, left),
+            std::max(0.0, left) * mean);
+      }
+      case JammingStage::DECOMPRESSION:
+        return Format("error bar %.1e (to %.1e)",
+                      step.distance,
+                      FLAGS_error_bar > 0.0
+                          ? std::min(FLAGS_epsilon, FLAGS_error_bar)
+                          : FLAGS_epsilon);
+      default:
+        return Format("phi = %.4f, discs jam near 0.84, spheres near 0.64",
+                      step.phi);
+    }
   }
+
+  JammingStage stage_ = JammingStage::START;
+  double spent_ = 0.0;  // seconds of its relaxations
+  int in_stage_ = 0;    // how many
+  std::string text_;
+};
+
+constexpr char kPathHead[] =
+    "stage,phi,energy,pressure,coordination,rigid_grains,rigid_contacts,"
+    "verdict,iterations,evaluations,seconds\n";
+
+std::string PathRow(const JammingStep& step) {
+  const Observables& o = step.result->observables;
+  const Summary& s = step.result->summary;
+  return Format("%s,%.17g,%.17g,%.17g,%.17g,%d,%d,%s,%lld,%lld,%.6g\n",
+                JammingStageName(step.stage),
+                o.packing_fraction,
+                o.energy,
+                o.pressure,
+                o.coordination,
+                o.rigid_grains,
+                o.rigid_contacts,
+                JammingVerdictName(step.verdict),
+                static_cast<long long>(s.counters.iterations),
+                static_cast<long long>(s.counters.evaluations),
+                s.seconds);
+}
+
+// ------------------------------------------------------------ results
+
+Json SummaryJson(const Scene& scene,
+                 const JammingOptions& options,
+                 const JammingResult& result,
+                 bool found) {
   Json json;
   json["found"] = found;
   json["converged"] = found && result.converged;
@@ -327,7 +249,7 @@ int Main() {
   json["solver"] = scene.solver->name();
   json["alpha"] = scene.energy.alpha;
   json["precision"] = PrecisionName(scene.energy.precision);
-  json["dimension"] = d;
+  json["dimension"] = scene.packing.dimension();
   json["particles"] = scene.packing.size();
   json["route"] = JammingRouteName(options.route);
   json["phi_init"] = options.phi_init;
@@ -338,58 +260,16 @@ int Main() {
   json["zero_pressure"] = FLAGS_zero_pressure;
   json["tolerance"] = options.solve.relative_tolerance;
   json["schema"] = "granopt/jamming/1";
-  output.Write("path.csv", csv);
-  if (!found) {
-    json["error"] = error;
-    json["provenance"] = Provenance();
-    output.WriteJson("summary.json", json);
-    std::fprintf(stderr, "jamming: %s\n", error.c_str());
-    output.PrintFiles();
-    return kNotConverged;
-  }
-  QuadResidual judge;
-  if (!EvaluateQuad(
-          result.jammed.packing, scene.energy, nullptr, &judge, &error)) {
-    BadInput(error);
-  }
+  return json;
+}
+
+// `certificate` and `distributions` are lines of the report.
+void PrintResult(const JammingOptions& options,
+                 const JammingResult& result,
+                 double residual,
+                 const std::string& certificate,
+                 const std::string& distributions) {
   const Observables& o = result.jammed.observables;
-  json["phi_j"] = result.phi_j;
-  json["phi_j_error"] = result.distance;
-  json["phi_cr"] = result.phi_cr;
-  json["slope_from_branch"] = result.secant;
-  json["phi_unjammed"] = result.phi_unjammed;
-  json["excess_contacts"] = o.rigid_contacts - o.isostatic_contacts;
-  json["state"] = RelaxationJson(result.jammed);
-  json["state"]["quad_relative_residual"] = judge.Relative();
-
-  output.WritePacking("packing.xyz", Annotated(result.jammed, scene.energy));
-  output.Write("contacts.csv", ContactsCsv(result.jammed));
-  // What the decompression counted as jammed is not unjammed to the
-  // certificate.
-  FLAGS_zero_pressure = std::min(FLAGS_zero_pressure, 1e-2 * result.distance);
-  const std::string certificate = PublishCertificate(
-      result.jammed.packing, scene.energy, "contacts.csv", &output, &json);
-  const std::string distributions = PublishDistributions(
-      result.jammed.packing, result.jammed.contacts, &output, &json);
-  json["provenance"] = Provenance();
-  output.WritePacking("stage_initial.xyz", result.start);
-  output.WritePacking("stage_unjammed.xyz", result.unjammed);
-  output.WriteJson("summary.json", json);
-  output.Plot({"packing",
-               output.Path("packing.xyz"),
-               output.Path("contacts.csv"),
-               output.Path("packing")},
-              {"packing.svg", "packing.png"});
-  output.Plot({"stages", output.folder(), output.Path("stages")},
-              {"stages.svg", "stages.png"});
-  output.Plot({"path",
-               output.Path("path.csv"),
-               output.Path("path"),
-               Format("--phi_j=%.17g", result.phi_j),
-               Format("--alpha=%g", scene.energy.alpha),
-               Format("--dimension=%d", d)},
-              {"path.svg", "path.png"});
-
   // Digits of phi_J down to those of its error.
   const int digits = std::clamp(
       1 - static_cast<int>(std::floor(std::log10(result.distance))), 4, 15);
@@ -430,7 +310,7 @@ int Main() {
   }
   std::printf(
       "  residual      %.1e mean forces, judged in quadruple precision\n",
-      judge.Relative());
+      residual);
   if (!certificate.empty()) std::printf("  %s", certificate.c_str());
   std::printf("  %s", distributions.c_str());
   if (result.cycles > 1) {
@@ -450,15 +330,144 @@ int Main() {
       "  meaning       +- is how far this state is above the jamming point of "
       "its own branch;\n                another seed or protocol ends "
       "elsewhere\n");
-  if (d == 2 && FLAGS_input.empty() && o.grains >= 64) {
+  if (result.jammed.packing.dimension() == 2 && FLAGS_input.empty() &&
+      o.grains >= 64) {
     // The scatter of 256 to 4096 discs over seeds is about 0.06 / sqrt(N).
     std::printf(
         "  literature    0.8418 for N -> infinity and a rapid quench; single "
         "packings of this size scatter by about %.4f\n",
         0.06 / std::sqrt(static_cast<double>(o.grains)));
   }
+}
+
+// A state was found: writes and prints it.
+void Publish(const Scene& scene,
+             const JammingOptions& options,
+             const JammingResult& result,
+             Output* output,
+             Json* json) {
+  QuadResidual judge;
+  std::string error;
+  if (!EvaluateQuad(
+          result.jammed.packing, scene.energy, nullptr, &judge, &error)) {
+    BadInput(error);
+  }
+  const Observables& o = result.jammed.observables;
+  (*json)["phi_j"] = result.phi_j;
+  (*json)["phi_j_error"] = result.distance;
+  (*json)["phi_cr"] = result.phi_cr;
+  (*json)["slope_from_branch"] = result.secant;
+  (*json)["phi_unjammed"] = result.phi_unjammed;
+  (*json)["excess_contacts"] = o.rigid_contacts - o.isostatic_contacts;
+  (*json)["state"] = RelaxationJson(result.jammed);
+  (*json)["state"]["quad_relative_residual"] = judge.Relative();
+
+  output->WriteRelaxation(result.jammed, scene.energy);
+  // What the decompression counted as jammed is not unjammed to the
+  // certificate.
+  FLAGS_zero_pressure = std::min(FLAGS_zero_pressure, 1e-2 * result.distance);
+  const std::string certificate = PublishCertificate(
+      result.jammed.packing, scene.energy, "contacts.csv", output, json);
+  const std::string distributions = PublishDistributions(
+      result.jammed.packing, result.jammed.contacts, output, json);
+  (*json)["provenance"] = Provenance();
+  output->WritePacking("stage_initial.xyz", result.start);
+  output->WritePacking("stage_unjammed.xyz", result.unjammed);
+  output->WriteJson("summary.json", *json);
+  output->PlotPacking();
+  output->Plot({"stages", output->folder(), output->Path("stages")},
+               {"stages.svg", "stages.png"});
+  output->Plot({"path",
+                output->Path("path.csv"),
+                output->Path("path"),
+                Format("--phi_j=%.17g", result.phi_j),
+                Format("--alpha=%g", scene.energy.alpha),
+                Format("--dimension=%d", scene.packing.dimension())},
+               {"path.svg", "path.png"});
+  PrintResult(options, result, judge.Relative(), certificate, distributions);
+}
+
+int Main() {
+  // Before defaults are changed: what the user gave goes to every child.
+  const Ensemble ensemble = ReadEnsembleFlags();
+  CheckFlags();
+  const double phi_random = FLAGS_dimension == 3 ? 0.58 : 0.80;
+  const Scene scene =
+      MakeSceneWithSolver(FLAGS_phi_init > 0.0 ? FLAGS_phi_init : phi_random);
+  const double phi_init = FLAGS_phi_init > 0.0  ? FLAGS_phi_init
+                          : FLAGS_input.empty() ? phi_random
+                                                : 0.0;
+  JammingOptions options = MakeJammingOptions(scene, phi_init);
+  if (ensemble.asked) return RunEnsemble(ensemble, scene.energy);
+  PrintTask(scene, options);
+
+  JammingState state;
+  std::string error;
+  if (!BeginJamming(scene.packing, options, &state, &error)) BadInput(error);
+  const Checkpoint checkpoint(CheckpointPath(), Setup(scene, options));
+  std::string csv = kPathHead;
+  if (FLAGS_resume && Resume(checkpoint, [&](const Json& json) {
+        state = JammingStateOf(json.at("search"));
+        json.at("path").get_to(csv);
+      })) {
+    std::printf("          resumed after relaxation %d\n", state.relaxations);
+  }
+  std::fflush(stdout);
+  Output output;
+  CreateOutput(WithDistributionFiles(WithCertificateFiles({"summary.json",
+                                                           "packing.xyz",
+                                                           "contacts.csv",
+                                                           "path.csv",
+                                                           "stage_initial.xyz",
+                                                           "stage_unjammed.xyz",
+                                                           "packing.svg",
+                                                           "packing.png",
+                                                           "stages.svg",
+                                                           "stages.png",
+                                                           "path.svg",
+                                                           "path.png"})),
+               FLAGS_resume,
+               &output);
+
+  JammingResult result;
+  bool found;
+  {
+    Progress progress;
+    StageLine stage;
+    int done = state.relaxations;
+    options.solve.callback = [&](const IterationState& iteration) {
+      if (progress.Due()) {
+        progress.Show(
+            Format("%s | relaxation %d, ", stage.text().c_str(), done + 1) +
+            IterationLine(iteration));
+      }
+      return true;
+    };
+    const auto observer = [&](const JammingStep& step) {
+      ++done;
+      csv += PathRow(step);
+      stage.Note(step);
+      Save(checkpoint, {{"search", ToJson(*step.state)}, {"path", csv}});
+      return !StopRequested();
+    };
+    found = ContinueJamming(
+        options, *scene.solver, observer, &state, &result, &error);
+  }
+  if (!found && StopRequested()) {
+    return StoppedAsAsked(Format("after relaxation %d", state.relaxations));
+  }
+  Json json = SummaryJson(scene, options, result, found);
+  output.Write("path.csv", csv);
+  if (found) {
+    Publish(scene, options, result, &output, &json);
+  } else {
+    json["error"] = error;
+    json["provenance"] = Provenance();
+    output.WriteJson("summary.json", json);
+    std::fprintf(stderr, "jamming: %s\n", error.c_str());
+  }
   output.PrintFiles();
-  return result.converged ? kConverged : kNotConverged;
+  return found && result.converged ? kConverged : kNotConverged;
 }
 
 }  // namespace

@@ -17,7 +17,6 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
@@ -27,7 +26,6 @@
 #include "experiments/moduli.h"
 #include "experiments/run.h"
 #include "experiments/scene.h"
-#include "granular/packing_io.h"
 #include "granular/quad_residual.h"
 #include "granular/relaxation.h"
 
@@ -68,18 +66,6 @@ namespace {
 // From here on a run is told how much memory it will take.
 constexpr int kManyGrains = 100000;
 
-// What must be the same for a run to go on from a checkpoint.
-Json Setup(const Scene& scene, const SolveOptions& options, std::int64_t leg) {
-  return {{"packing", Crc32(FormatPacking(scene.packing))},
-          {"alpha", scene.energy.alpha},
-          {"solver", scene.solver->name()},
-          {"tolerance", options.relative_tolerance},
-          {"absolute_tolerance", options.absolute_tolerance},
-          {"zero_pressure", options.vanishing_tolerance},
-          {"precision", PrecisionName(scene.energy.precision)},
-          {"leg", leg}};
-}
-
 // Measured with `lbfgs` at random starts, the largest of what the library
 // keeps.
 double EstimatedBytes(const Packing& packing) {
@@ -92,7 +78,7 @@ double PeakBytes() {
   return getrusage(RUSAGE_SELF, &usage) == 0 ? 1024.0 * usage.ru_maxrss : 0.0;
 }
 
-int Main() {
+void CheckFlags() {
   if (!FLAGS_input.empty() && IsGiven("phi")) {
     BadInput("--phi describes a random start and cannot go with --input");
   }
@@ -110,165 +96,57 @@ int Main() {
   if (FLAGS_smoke && !IsGiven("particles") && FLAGS_input.empty()) {
     FLAGS_particles = 64;
   }
-  Scene scene = MakeSceneWithSolver(FLAGS_phi);
-  Packing& packing = scene.packing;
-  const int d = packing.dimension();
+}
 
+Load MakeLoad() {
   Load load;
   load.radius_factor = FLAGS_radius_factor;
   load.simple_shear = FLAGS_simple_shear;
   load.pure_shear = FLAGS_pure_shear;
   load.perturbation = FLAGS_perturb;
-  if (FLAGS_copies > 1) packing = packing.Copies(FLAGS_copies);
-  ApplyLoad(load, FLAGS_seed, &packing);
+  return load;
+}
 
+SolveOptions MakeOptions(const Scene& scene) {
   SolveOptions options = MakeSolveOptions();
   if (FLAGS_absolute_tolerance > 0.0) {
     options.absolute_tolerance =
-        FLAGS_absolute_tolerance * ForceUnit(packing, scene.energy);
+        FLAGS_absolute_tolerance * ForceUnit(scene.packing, scene.energy);
   }
   if (FLAGS_max_seconds > 0.0) options.max_seconds = FLAGS_max_seconds;
   if (FLAGS_max_evaluations > 0) {
     options.max_evaluations = FLAGS_max_evaluations;
   }
   options.record_trace = true;
+  return options;
+}
 
-  CheckScene(scene);
-  Output output;
-  std::printf(
-      "relax     %s (%s)\n", Describe(packing).c_str(), scene.origin.c_str());
-  std::printf("          phi = %.6f, contact energy k delta^%g / %g, k = %g\n",
-              packing.PackingFraction(),
-              scene.energy.alpha,
-              scene.energy.alpha,
-              scene.energy.stiffness);
-  std::printf("          method %s, precision %s\n",
-              scene.solver->name().c_str(),
-              PrecisionName(scene.energy.precision));
-  if (packing.size() >= kManyGrains) {
-    std::printf("          about %.1f GB of memory, and what factors take\n",
-                1e-9 * EstimatedBytes(packing));
-  }
-
-  const std::int64_t leg = FLAGS_leg > 0 ? FLAGS_leg : LegEvaluations(packing);
-  const Checkpoint checkpoint(CheckpointPath(), Setup(scene, options, leg));
-  RelaxationState state;
-  Json written;
-  if (FLAGS_resume && Resume(checkpoint, &written)) {
-    try {
-      state = RelaxationStateOf(written);
-    } catch (const Json::exception& exception) {
-      RefuseState(checkpoint, exception);
-    }
-    written = Json();
-    std::printf("          resumed after evaluation %lld\n",
-                static_cast<long long>(state.summary.counters.evaluations));
-  } else {
-    state.packing = std::move(packing);
-  }
-  std::fflush(stdout);
-  std::vector<std::string> names = {"summary.json",
-                                    "packing.xyz",
-                                    "contacts.csv",
-                                    "trace.csv",
-                                    "packing.svg",
-                                    "packing.png",
-                                    "trace.svg",
-                                    "trace.png"};
-  const std::vector<std::string> kept = CheckpointFiles();
-  if (!FLAGS_resume) names.insert(names.end(), kept.begin(), kept.end());
-  output.Create(FLAGS_out, WithCertificateFiles(names), kept);
-  CatchStopSignals();
-
-  Relaxation result;
+// How far the energy's own forces are from the judge's, in mean forces.
+double ForceError(const Packing& packing,
+                  const ContactEnergyOptions& law,
+                  const QuadResidual& judge) {
   std::string error;
-  {
-    Progress progress;
-    options.callback = [&](const IterationState& state) {
-      if (progress.Due()) {
-        const double scale = state.scales.gradient;
-        progress.Show(
-            Format("iteration %lld, %.1f s: energy %.6e, |g| / mean force %.1e "
-                   "(to %.1e)",
-                   static_cast<long long>(state.counters.iterations),
-                   state.seconds,
-                   state.cost,
-                   state.max_gradient / scale,
-                   options.absolute_tolerance > 0.0
-                       ? options.absolute_tolerance / scale
-                       : options.relative_tolerance));
-      }
-      return !StopRequested();
-    };
-    const auto observer = [&](const RelaxationState& state) {
-      std::string fault;
-      if (!checkpoint.Write(ToJson(state), &fault)) BadInput(fault);
-    };
-    if (!RelaxInLegs(scene.energy,
-                     *scene.solver,
-                     options,
-                     leg,
-                     observer,
-                     &state,
-                     &result,
-                     &error)) {
-      BadInput(scene.origin + ": " + error);
-    }
+  const auto energy = ContactEnergy::Create(packing, law, &error);
+  if (energy == nullptr) BadInput(error);
+  energy->Refine();
+  const std::vector<double> zero(energy->NumParameters(), 0.0);
+  std::vector<double> gradient(zero.size());
+  double value;
+  energy->Evaluate(zero.data(), &value, gradient.data());
+  double largest = 0.0;
+  for (std::size_t v = 0; v < gradient.size(); ++v) {
+    largest = std::max(largest, std::abs(gradient[v] - judge.gradient[v]));
   }
-  const double peak_bytes = PeakBytes();
-  QuadResidual judge;
-  if (!EvaluateQuad(result.packing, scene.energy, nullptr, &judge, &error)) {
-    BadInput(error);
-  }
+  return judge.mean_force > 0.0 ? largest / judge.mean_force : largest;
+}
 
-  // How far the energy's own forces are from the judge's.
-  double force_error = 0.0;
-  {
-    const auto energy =
-        ContactEnergy::Create(result.packing, scene.energy, &error);
-    if (energy == nullptr) BadInput(error);
-    energy->Refine();
-    const std::vector<double> zero(energy->NumParameters(), 0.0);
-    std::vector<double> gradient(zero.size());
-    double value;
-    energy->Evaluate(zero.data(), &value, gradient.data());
-    for (std::size_t v = 0; v < gradient.size(); ++v) {
-      force_error =
-          std::max(force_error, std::abs(gradient[v] - judge.gradient[v]));
-    }
-    if (judge.mean_force > 0.0) force_error /= judge.mean_force;
-  }
-
-  Json json = RelaxationJson(result);
-  json["relative_residual"] = result.observables.relative_residual;
-  json["quad_relative_residual"] = judge.Relative();
-  json["quad_energy"] = judge.energy;
-  json["force_error"] = force_error;
-  json["alpha"] = scene.energy.alpha;
-  json["k"] = scene.energy.stiffness;
-  json["precision"] = PrecisionName(scene.energy.precision);
-  json["dimension"] = d;
-  json["particles"] = result.packing.size();
-  json["schema"] = "granopt/relax/1";
-  json["peak_bytes"] = peak_bytes;
-  output.WritePacking("packing.xyz", Annotated(result, scene.energy));
-  output.Write("contacts.csv", ContactsCsv(result));
-  const std::string certificate = PublishCertificate(
-      result.packing, scene.energy, "contacts.csv", &output, &json);
-  const std::string moduli = PublishModuli(result.packing, scene.energy, &json);
-  json["provenance"] = Provenance();
-  output.Write("trace.csv", TraceCsv(result.summary));
-  output.WriteJson("summary.json", json);
-  output.Plot({"packing",
-               output.Path("packing.xyz"),
-               output.Path("contacts.csv"),
-               output.Path("packing")},
-              {"packing.svg", "packing.png"});
-  if (result.summary.trace.size() > 1) {
-    output.Plot({"trace", output.Path("trace.csv"), output.Path("trace")},
-                {"trace.svg", "trace.png"});
-  }
-
+// `certificate` and `moduli` are lines of the report.
+void PrintResult(const Relaxation& result,
+                 const QuadResidual& judge,
+                 double force_error,
+                 const std::string& certificate,
+                 const std::string& moduli,
+                 double peak_bytes) {
   const Summary& s = result.summary;
   const Observables& o = result.observables;
   std::printf("\n%s  %s\n", StopReasonName(s.reason), s.message.c_str());
@@ -307,8 +185,132 @@ int Main() {
                 1e-9 * peak_bytes,
                 peak_bytes / o.grains);
   }
+}
+
+int Main() {
+  CheckFlags();
+  Scene scene = MakeSceneWithSolver(FLAGS_phi);
+  Packing& packing = scene.packing;
+  const int d = packing.dimension();
+
+  if (FLAGS_copies > 1) packing = packing.Copies(FLAGS_copies);
+  ApplyLoad(MakeLoad(), FLAGS_seed, &packing);
+
+  SolveOptions options = MakeOptions(scene);
+  CheckScene(scene);
+  std::printf(
+      "relax     %s (%s)\n", Describe(packing).c_str(), scene.origin.c_str());
+  std::printf("          phi = %.6f, contact energy k delta^%g / %g, k = %g\n",
+              packing.PackingFraction(),
+              scene.energy.alpha,
+              scene.energy.alpha,
+              scene.energy.stiffness);
+  std::printf("          method %s, precision %s\n",
+              scene.solver->name().c_str(),
+              PrecisionName(scene.energy.precision));
+  if (packing.size() >= kManyGrains) {
+    std::printf("          about %.1f GB of memory, and what factors take\n",
+                1e-9 * EstimatedBytes(packing));
+  }
+
+  const std::int64_t leg = FLAGS_leg > 0 ? FLAGS_leg : LegEvaluations(packing);
+  Json setup = SceneSetup(scene, options);
+  setup.update(
+      {{"absolute_tolerance", options.absolute_tolerance}, {"leg", leg}});
+  const Checkpoint checkpoint(CheckpointPath(), setup);
+  RelaxationState state;
+  if (FLAGS_resume && Resume(checkpoint, [&state](const Json& json) {
+        state = RelaxationStateOf(json);
+      })) {
+    std::printf("          resumed after evaluation %lld\n",
+                static_cast<long long>(state.summary.counters.evaluations));
+  } else {
+    state.packing = std::move(packing);
+  }
+  std::fflush(stdout);
+  Output output;
+  CreateOutput(WithCertificateFiles({"summary.json",
+                                     "packing.xyz",
+                                     "contacts.csv",
+                                     "trace.csv",
+                                     "packing.svg",
+                                     "packing.png",
+                                     "trace.svg",
+                                     "trace.png"}),
+               FLAGS_resume,
+               &output);
+
+  Relaxation result;
+  std::string error;
+  {
+    Progress progress;
+    options.callback = [&](const IterationState& state) {
+      if (progress.Due()) {
+        const double scale = state.scales.gradient;
+        progress.Show(
+            Format("iteration %lld, %.1f s: energy %.6e, |g| / mean force %.1e "
+                   "(to %.1e)",
+                   static_cast<long long>(state.counters.iterations),
+                   state.seconds,
+                   state.cost,
+                   state.max_gradient / scale,
+                   options.absolute_tolerance > 0.0
+                       ? options.absolute_tolerance / scale
+                       : options.relative_tolerance));
+      }
+      return !StopRequested();
+    };
+    const auto observer = [&](const RelaxationState& state) {
+      Save(checkpoint, ToJson(state));
+    };
+    if (!RelaxInLegs(scene.energy,
+                     *scene.solver,
+                     options,
+                     leg,
+                     observer,
+                     &state,
+                     &result,
+                     &error)) {
+      BadInput(scene.origin + ": " + error);
+    }
+  }
+  const double peak_bytes = PeakBytes();
+  QuadResidual judge;
+  if (!EvaluateQuad(result.packing, scene.energy, nullptr, &judge, &error)) {
+    BadInput(error);
+  }
+
+  const double force_error = ForceError(result.packing, scene.energy, judge);
+
+  Json json = RelaxationJson(result);
+  json["relative_residual"] = result.observables.relative_residual;
+  json["quad_relative_residual"] = judge.Relative();
+  json["quad_energy"] = judge.energy;
+  json["force_error"] = force_error;
+  json["alpha"] = scene.energy.alpha;
+  json["k"] = scene.energy.stiffness;
+  json["precision"] = PrecisionName(scene.energy.precision);
+  json["dimension"] = d;
+  json["particles"] = result.packing.size();
+  json["schema"] = "granopt/relax/1";
+  json["peak_bytes"] = peak_bytes;
+  output.WriteRelaxation(result, scene.energy);
+  const std::string certificate = PublishCertificate(
+      result.packing, scene.energy, "contacts.csv", &output, &json);
+  const std::string moduli = PublishModuli(result.packing, scene.energy, &json);
+  json["provenance"] = Provenance();
+  output.Write("trace.csv", TraceCsv(result.summary));
+  output.WriteJson("summary.json", json);
+  output.PlotPacking();
+  if (result.summary.trace.size() > 1) {
+    output.Plot({"trace", output.Path("trace.csv"), output.Path("trace")},
+                {"trace.svg", "trace.png"});
+  }
+
+  PrintResult(result, judge, force_error, certificate, moduli, peak_bytes);
   output.PrintFiles();
-  if (StopRequested() && !s.Succeeded()) {
+  const bool converged = result.summary.Succeeded();
+  if (StopRequested() && !converged) {
     std::printf("stopped as asked: --input=%s goes on from here%s\n",
                 output.Path("packing.xyz").c_str(),
                 state.legs > 0
@@ -316,7 +318,7 @@ int Main() {
                       "checkpoint to the same bits"
                     : "");
   }
-  return s.Succeeded() ? kConverged : kNotConverged;
+  return converged ? kConverged : kNotConverged;
 }
 
 }  // namespace

@@ -28,6 +28,7 @@
 #include "granular/atomic_file.h"
 #include "granular/packing_io.h"
 #include "solvers/sparse_cholesky.h"
+#include "solvers/threads.h"
 
 DEFINE_string(out, "", "folder for the results; default out/<binary>");
 DEFINE_uint64(seed, 1, "seed of every random number");
@@ -52,7 +53,7 @@ std::vector<std::string>* CommandLine() {
   return &words;
 }
 
-// The flags that the binary and this file define, not those of glog and gflags.
+// What follows the colon there; "unknown" without such a line.
 std::string FirstLineWith(const char* path, const char* prefix) {
   std::ifstream file(path);
   for (std::string line; std::getline(file, line);) {
@@ -230,6 +231,18 @@ void Output::WriteJson(const std::string& name, const Json& json) {
   Write(name, json.dump(2) + "\n");
 }
 
+void Output::WriteRelaxation(const Relaxation& relaxation,
+                             const ContactEnergyOptions& law) {
+  WritePacking("packing.xyz", Annotated(relaxation, law));
+  Write("contacts.csv", ContactsCsv(relaxation));
+}
+
+bool Output::PlotPacking() {
+  return Plot(
+      {"packing", Path("packing.xyz"), Path("contacts.csv"), Path("packing")},
+      {"packing.svg", "packing.png"});
+}
+
 bool Output::Plot(const std::vector<std::string>& arguments,
                   const std::vector<std::string>& made) {
   if (!FLAGS_pictures) return false;
@@ -281,7 +294,7 @@ Json Provenance() {
   json["flags"] = GRANOPT_FLAGS;
   json["cpu"] = FirstLineWith("/proc/cpuinfo", "model name");
   json["hardware_threads"] = std::thread::hardware_concurrency();
-  json["threads"] = 1;
+  json["threads"] = NumThreads();
   json["libraries"] = {{"ceres", CERES_VERSION_STRING},
                        {"eigen",
                         Format("%d.%d.%d",
@@ -406,6 +419,14 @@ std::string Describe(const Packing& packing) {
                 packing.dimension() == 2 ? "discs" : "spheres",
                 packing.radii.minCoeff(),
                 packing.radii.maxCoeff());
+}
+
+std::string IterationLine(const IterationState& state) {
+  return Format("iteration %lld: |g| / mean force %.1e",
+                static_cast<long long>(state.counters.iterations),
+                state.scales.gradient > 0
+                    ? state.max_gradient / state.scales.gradient
+                    : 0.0);
 }
 
 Progress::Progress()

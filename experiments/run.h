@@ -61,13 +61,16 @@ class Output {
   void Write(const std::string& name, const std::string& content);
   void WritePacking(const std::string& name, const Packing& packing);
   void WriteJson(const std::string& name, const Json& json);
-  // Calls `plot.py arguments...`; false, with a line on stderr once, if python3
-  // or matplotlib is missing or the script failed. Files named `made` are
-  // listed.
+  // packing.xyz and contacts.csv.
+  void WriteRelaxation(const Relaxation& relaxation,
+                       const ContactEnergyOptions& law);
+  // Calls `plot.py arguments...`; false without --pictures and, with a line on
+  // stderr, if python3 or matplotlib is missing or the script failed. Files
+  // named `made` are listed.
   bool Plot(const std::vector<std::string>& arguments,
             const std::vector<std::string>& made);
-  // "name" of every file written, in order.
-  const std::vector<std::string>& files() const { return files_; }
+  // packing.svg and packing.png, of what WriteRelaxation() wrote.
+  bool PlotPacking();
   // The closing lines of every experiment: where the files are.
   void PrintFiles() const;
 
@@ -83,7 +86,7 @@ Json Provenance();
 // The fields that every relaxation reports (DESIGN, `relax`).
 Json RelaxationJson(const Relaxation& relaxation);
 
-// i,j,image,overlap,force,distance,normal,rigid
+// i,j,image_x,image_y,image_z,overlap,force,distance,nx,ny,nz,rigid
 std::string ContactsCsv(const Relaxation& relaxation);
 std::string TraceCsv(const Summary& summary);
 
@@ -96,6 +99,9 @@ double CpuSeconds();
 
 // "4096 discs, radii 0.0063 to 0.0089"
 std::string Describe(const Packing& packing);
+
+// "iteration 12: |g| / mean force 3.1e-05", for progress lines.
+std::string IterationLine(const IterationState& state);
 
 // A line that is rewritten in place on a terminal, and printed every ten
 // seconds otherwise.

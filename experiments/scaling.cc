@@ -15,14 +15,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "experiments/certificate.h"
-#include "experiments/checkpoint.h"
 #include "experiments/children.h"
-#include "experiments/comparison.h"
 #include "experiments/ensemble.h"
 #include "experiments/moduli.h"
 #include "experiments/preparation.h"
@@ -32,7 +29,6 @@
 #include "experiments/tabular.h"
 #include "granular/atomic_file.h"
 #include "granular/linear_response.h"
-#include "granular/packing_io.h"
 #include "granular/quad_residual.h"
 #include "granular/vibrations.h"
 
@@ -197,9 +193,7 @@ bool SpectrumRows(const Packing& packing,
   return true;
 }
 
-int RunOne(const Plan& plan) {
-  const Scene scene = MakeSceneWithSolver(FLAGS_phi);
-  const int d = scene.packing.dimension();
+void PrintTask(const Scene& scene, const Plan& plan) {
   std::printf("scaling   %s (%s), alpha = %g\n",
               Describe(scene.packing).c_str(),
               scene.origin.c_str(),
@@ -214,57 +208,32 @@ int RunOne(const Plan& plan) {
   std::printf("          method %s; moduli by linear response\n",
               scene.solver->name().c_str());
   std::fflush(stdout);
+}
 
-  Output output;
-  output.Create(FLAGS_out,
-                WithCertificateFiles({"summary.json",
-                                      "states.csv",
-                                      "spectrum.csv",
-                                      "packing.xyz",
-                                      "contacts.csv",
-                                      "laws.svg",
-                                      "laws.png",
-                                      "vibrations.svg",
-                                      "vibrations.png"}));
-  Preparation preparation(scene, *scene.solver, FLAGS_phi, &output);
-  std::vector<Packing> packings;
-  std::string error;
-  Json json;
-  json["dimension"] = d;
-  json["particles"] = scene.packing.size();
-  json["alpha"] = scene.energy.alpha;
-  json["solver"] = scene.solver->name();
-  json["schema"] = "granopt/scaling/1";
-  const bool found =
-      preparation.NearJamming(FLAGS_seed, plan.distances, &packings, &error);
-  preparation.ClearProgress();
-  if (!found) {
-    json["found"] = false;
-    json["error"] = error;
-    json["provenance"] = Provenance();
-    output.WriteJson("summary.json", json);
-    std::fprintf(stderr, "scaling: %s\n", error.c_str());
-    return kNotConverged;
-  }
-
+// What was measured on the packings of RunOne().
+struct Measured {
   std::vector<ScalingState> states;
+  Json json = Json::array();
   std::string spectrum = kSpectrumHead;
   std::vector<std::string> failures;
-  json["found"] = true;
-  json["states"] = Json::array();
+};
+
+Measured MeasureStates(const std::vector<Packing>& packings,
+                       const ContactEnergyOptions& law,
+                       const Plan& plan) {
+  Measured all;
   Progress progress;
   for (std::size_t k = 0; k < packings.size(); ++k) {
     const double asked = plan.distances[k];
     ScalingState state;
-    Json of_state;
+    Json json;
     std::string why;
-    if (!MeasureState(
-            packings[k], scene.energy, asked, &state, &of_state, &why)) {
-      failures.push_back("phi_J + " + Neat(asked) + ": " + why);
+    if (!MeasureState(packings[k], law, asked, &state, &json, &why)) {
+      all.failures.push_back("phi_J + " + Neat(asked) + ": " + why);
       continue;
     }
-    states.push_back(state);
-    json["states"].push_back(of_state);
+    all.states.push_back(state);
+    all.json.push_back(json);
     if (std::find(plan.spectra.begin(), plan.spectra.end(), asked) ==
         plan.spectra.end()) {
       continue;
@@ -272,42 +241,14 @@ int RunOne(const Plan& plan) {
     if (progress.Due()) {
       progress.Show("modes of vibration at phi_J + " + Neat(asked));
     }
-    if (!SpectrumRows(packings[k], scene.energy, asked, &spectrum, &why)) {
-      failures.push_back("modes at phi_J + " + Neat(asked) + ": " + why);
+    if (!SpectrumRows(packings[k], law, asked, &all.spectrum, &why)) {
+      all.failures.push_back("modes at phi_J + " + Neat(asked) + ": " + why);
     }
   }
-  progress.Clear();
-  json["failures"] = failures;
-  if (!states.empty()) json["phi_j"] = states[0].phi_j;
+  return all;
+}
 
-  output.Write("states.csv", StatesCsv(states));
-  if (!plan.spectra.empty()) output.Write("spectrum.csv", spectrum);
-  // The state nearest to jamming.
-  std::string certificate;
-  {
-    Relaxation nearest;
-    if (!MeasureAsItIs(packings[0], scene.energy, &nearest, &error)) {
-      BadInput(error);
-    }
-    output.WritePacking("packing.xyz", Annotated(nearest, scene.energy));
-    output.Write("contacts.csv", ContactsCsv(nearest));
-    FLAGS_zero_pressure =
-        std::min(FLAGS_zero_pressure, 1e-3 * plan.distances[0]);
-    certificate = PublishCertificate(
-        nearest.packing, scene.energy, "contacts.csv", &output, &json);
-  }
-  json["provenance"] = Provenance();
-  output.WriteJson("summary.json", json);
-  if (!states.empty()) {
-    output.Plot({"laws", output.Path("states.csv"), output.Path("laws")},
-                {"laws.svg", "laws.png"});
-  }
-  if (!plan.spectra.empty()) {
-    output.Plot(
-        {"vibrations", output.Path("spectrum.csv"), output.Path("vibrations")},
-        {"vibrations.svg", "vibrations.png"});
-  }
-
+void PrintStates(const std::vector<ScalingState>& states, int d) {
   std::vector<std::vector<std::string>> rows = {{"phi - phi_J",
                                                  "pressure",
                                                  "B (12)",
@@ -341,7 +282,80 @@ int RunOne(const Plan& plan) {
       d == 2 ? "area" : "volume",
       2 * d,
       2 * (d - 1));
-  for (const std::string& line : failures) {
+}
+
+int RunOne(const Plan& plan) {
+  const Scene scene = MakeSceneWithSolver(FLAGS_phi);
+  const int d = scene.packing.dimension();
+  PrintTask(scene, plan);
+  Output output;
+  output.Create(FLAGS_out,
+                WithCertificateFiles({"summary.json",
+                                      "states.csv",
+                                      "spectrum.csv",
+                                      "packing.xyz",
+                                      "contacts.csv",
+                                      "laws.svg",
+                                      "laws.png",
+                                      "vibrations.svg",
+                                      "vibrations.png"}));
+  Preparation preparation(scene, *scene.solver, FLAGS_phi, &output);
+  std::vector<Packing> packings;
+  std::string error;
+  Json json;
+  json["dimension"] = d;
+  json["particles"] = scene.packing.size();
+  json["alpha"] = scene.energy.alpha;
+  json["solver"] = scene.solver->name();
+  json["schema"] = "granopt/scaling/1";
+  const bool found =
+      preparation.NearJamming(FLAGS_seed, plan.distances, &packings, &error);
+  preparation.ClearProgress();
+  if (!found) {
+    json["found"] = false;
+    json["error"] = error;
+    json["provenance"] = Provenance();
+    output.WriteJson("summary.json", json);
+    std::fprintf(stderr, "scaling: %s\n", error.c_str());
+    return kNotConverged;
+  }
+
+  json["found"] = true;
+  const Measured measured = MeasureStates(packings, scene.energy, plan);
+  const std::vector<ScalingState>& states = measured.states;
+  json["states"] = measured.json;
+  json["failures"] = measured.failures;
+  if (!states.empty()) json["phi_j"] = states[0].phi_j;
+
+  output.Write("states.csv", StatesCsv(states));
+  if (!plan.spectra.empty()) output.Write("spectrum.csv", measured.spectrum);
+  // The state nearest to jamming.
+  std::string certificate;
+  {
+    Relaxation nearest;
+    if (!MeasureAsItIs(packings[0], scene.energy, &nearest, &error)) {
+      BadInput(error);
+    }
+    output.WriteRelaxation(nearest, scene.energy);
+    FLAGS_zero_pressure =
+        std::min(FLAGS_zero_pressure, 1e-3 * plan.distances[0]);
+    certificate = PublishCertificate(
+        nearest.packing, scene.energy, "contacts.csv", &output, &json);
+  }
+  json["provenance"] = Provenance();
+  output.WriteJson("summary.json", json);
+  if (!states.empty()) {
+    output.Plot({"laws", output.Path("states.csv"), output.Path("laws")},
+                {"laws.svg", "laws.png"});
+  }
+  if (!plan.spectra.empty()) {
+    output.Plot(
+        {"vibrations", output.Path("spectrum.csv"), output.Path("vibrations")},
+        {"vibrations.svg", "vibrations.png"});
+  }
+
+  PrintStates(states, d);
+  for (const std::string& line : measured.failures) {
     std::printf("  without moduli: %s\n", line.c_str());
   }
   if (!certificate.empty()) {
@@ -350,7 +364,7 @@ int RunOne(const Plan& plan) {
                 certificate.c_str());
   }
   output.PrintFiles();
-  return failures.empty() ? kConverged : kNotConverged;
+  return measured.failures.empty() ? kConverged : kNotConverged;
 }
 
 // ----------------------------------------------------------- many packings
@@ -371,78 +385,17 @@ std::string Verdict(const Exponent& e) {
   return Format("%+.3f: differs", apart);
 }
 
-int RunMany(const Ensemble& ensemble, const Plan& plan) {
-  std::vector<double> alphas;
-  std::string error;
-  if (!ParseNumbers(FLAGS_alphas, &alphas, &error)) {
-    BadInput("--alphas: " + error);
-  }
-  for (const double alpha : alphas) {
-    if (!(alpha >= 2.0 && alpha <= 100.0)) {
-      BadInput(Format("--alphas: %g must be in [2, 100]", alpha));
-    }
-  }
-  if (IsGiven("alpha")) BadInput("with --seeds --alpha is --alphas");
-  MakeSceneWithSolver(FLAGS_phi);  // checks the flags
-  std::vector<int> sizes = ensemble.sizes;
-  std::vector<std::size_t> seeds_of_size = ensemble.seeds_of_size;
-  if (sizes.empty()) {
-    sizes = {FLAGS_particles};
-    seeds_of_size = {ensemble.seeds.size()};
-  }
-  Output output;
-  output.Create(FLAGS_out,
-                {"summary.json",
-                 "states.csv",
-                 "spectrum.csv",
-                 "exponents.csv",
-                 "laws.svg",
-                 "laws.png",
-                 "collapse.svg",
-                 "collapse.png",
-                 "vibrations.svg",
-                 "vibrations.png"});
-  std::vector<Child> children;
-  for (const double alpha : alphas) {
-    for (std::size_t k = 0; k < sizes.size(); ++k) {
-      for (std::size_t n = 0; n < seeds_of_size[k]; ++n) {
-        const auto seed = static_cast<unsigned long long>(ensemble.seeds[n]);
-        Child child;
-        child.name = Format("a%g_n%d_seed%llu", alpha, sizes[k], seed);
-        child.arguments = ensemble.passed;
-        child.arguments.push_back(Format("--seed=%llu", seed));
-        child.arguments.push_back(Format("--particles=%d", sizes[k]));
-        child.arguments.push_back(Format("--alpha=%.17g", alpha));
-        // Dense spectra would take longer than all the rest.
-        if (sizes[k] > VibrationOptions().most_dense) {
-          child.arguments.push_back("--spectra=");
-        }
-        child.weight = std::pow(sizes[k], 1.5);
-        children.push_back(child);
-      }
-    }
-  }
-  std::printf("scaling   %zu packings: alpha = %s, seeds %s, grains",
-              children.size(),
-              FLAGS_alphas.c_str(),
-              FLAGS_seeds.c_str());
-  for (const int size : sizes) std::printf(" %d", size);
-  std::printf("; %d at a time\n          each at phi_J + %s ... %s\n",
-              ensemble.jobs,
-              Neat(plan.distances.front()).c_str(),
-              Neat(plan.distances.back()).c_str());
-  bool interrupted = false;
-  const std::vector<ChildResult> results = RunChildren("scaling",
-                                                       children,
-                                                       ensemble.jobs,
-                                                       ensemble.resume,
-                                                       false,
-                                                       output,
-                                                       &interrupted);
-
+// What the runs left behind.
+struct Collected {
   std::vector<ScalingState> states;
   std::string spectrum = kSpectrumHead;
   std::vector<std::string> failures;
+};
+
+Collected Collect(const std::vector<Child>& children,
+                  const std::vector<ChildResult>& results,
+                  const Output& output) {
+  Collected all;
   for (std::size_t k = 0; k < children.size(); ++k) {
     const std::string& name = children[k].name;
     std::string failure = results[k].failure;
@@ -450,84 +403,50 @@ int RunMany(const Ensemble& ensemble, const Plan& plan) {
     if (failure.empty() && !json.value("found", false)) {
       failure = json.value("error", "no result");
     }
-    std::string text;
+    std::string text, error;
     if (failure.empty()) {
       const std::string path = output.Path(name + "/states.csv");
       if (!ReadFile(path, &text, &error) ||
-          !ReadStates(text, path, &states, &error)) {
+          !ReadStates(text, path, &all.states, &error)) {
         failure = error;
       }
       for (const Json& line : json.value("failures", Json::array())) {
-        failures.push_back(name + ": " + line.get<std::string>());
+        all.failures.push_back(name + ": " + line.get<std::string>());
       }
     }
     if (!failure.empty()) {
-      failures.push_back(name + ": " + failure);
+      all.failures.push_back(name + ": " + failure);
       continue;
     }
     if (ReadFile(output.Path(name + "/spectrum.csv"), &text, &error)) {
-      spectrum += text.substr(std::min(text.size(), sizeof(kSpectrumHead) - 1));
+      all.spectrum +=
+          text.substr(std::min(text.size(), sizeof(kSpectrumHead) - 1));
     }
   }
+  return all;
+}
 
-  ExponentOptions options;
-  options.least_size = FLAGS_least_size;
-  options.most_distance = FLAGS_most_distance;
-  std::vector<Exponent> exponents;
-  for (const double alpha : alphas) {
-    for (const int size : sizes) {
-      for (const std::string& quantity : ScalingQuantities()) {
-        exponents.push_back(
-            FitExponent(states, quantity, alpha, size, options));
-      }
-    }
-  }
-  Json json;
-  json["runs"] = children.size();
-  json["interrupted"] = interrupted;
-  json["failures"] = failures;
-  json["exponents"] = Json::array();
+Json ExponentsJson(const std::vector<Exponent>& exponents) {
+  Json json = Json::array();
   for (const Exponent& e : exponents) {
     if (e.distances < 2) continue;
-    json["exponents"].push_back(
-        {{"quantity", e.quantity},
-         {"alpha", e.alpha},
-         {"particles", e.particles},
-         {"exponent", e.value},
-         {"low", e.low},
-         {"high", e.high},
-         {"from", e.from},
-         {"to", e.to},
-         {"packings", e.packings},
-         {"not_positive", e.negative},
-         {"claim", e.paper},
-         {"claimed_by", e.from_paper ? "paper" : "theory"}});
+    json.push_back({{"quantity", e.quantity},
+                    {"alpha", e.alpha},
+                    {"particles", e.particles},
+                    {"exponent", e.value},
+                    {"low", e.low},
+                    {"high", e.high},
+                    {"from", e.from},
+                    {"to", e.to},
+                    {"packings", e.packings},
+                    {"not_positive", e.negative},
+                    {"claim", e.paper},
+                    {"claimed_by", e.from_paper ? "paper" : "theory"}});
   }
-  json["schema"] = "granopt/scaling_ensemble/1";
-  json["provenance"] = Provenance();
-  output.Write("states.csv", StatesCsv(states));
-  output.Write("exponents.csv", ExponentsCsv(exponents));
-  const bool has_spectrum = spectrum.size() > sizeof(kSpectrumHead);
-  if (has_spectrum) output.Write("spectrum.csv", spectrum);
-  output.WriteJson("summary.json", json);
-  if (!states.empty()) {
-    output.Plot({"laws",
-                 output.Path("states.csv"),
-                 output.Path("laws"),
-                 "--exponents=" + output.Path("exponents.csv")},
-                {"laws.svg", "laws.png"});
-    if (sizes.size() > 1) {
-      output.Plot(
-          {"collapse", output.Path("states.csv"), output.Path("collapse")},
-          {"collapse.svg", "collapse.png"});
-    }
-  }
-  if (has_spectrum) {
-    output.Plot(
-        {"vibrations", output.Path("spectrum.csv"), output.Path("vibrations")},
-        {"vibrations.svg", "vibrations.png"});
-  }
+  return json;
+}
 
+void PrintExponents(const std::vector<Exponent>& exponents) {
   std::vector<std::vector<std::string>> rows = {{"~ distance^exponent",
                                                  "alpha",
                                                  "grains",
@@ -559,16 +478,125 @@ int RunMany(const Ensemble& ensemble, const Plan& plan) {
          Verdict(e)});
   }
   std::printf("\n%s\n", Grid(rows, 1, false).c_str());
+}
+
+int RunMany(const Ensemble& ensemble, const Plan& plan) {
+  std::vector<double> alphas;
+  std::string error;
+  if (!ParseNumbers(FLAGS_alphas, &alphas, &error)) {
+    BadInput("--alphas: " + error);
+  }
+  for (const double alpha : alphas) {
+    if (!(alpha >= 2.0 && alpha <= 100.0)) {
+      BadInput(Format("--alphas: %g must be in [2, 100]", alpha));
+    }
+  }
+  if (IsGiven("alpha")) BadInput("with --seeds --alpha is --alphas");
+  MakeSceneWithSolver(FLAGS_phi);  // checks the flags
+  const std::vector<int> sizes = ensemble.Sizes();
+  Output output;
+  output.Create(FLAGS_out,
+                {"summary.json",
+                 "states.csv",
+                 "spectrum.csv",
+                 "exponents.csv",
+                 "laws.svg",
+                 "laws.png",
+                 "collapse.svg",
+                 "collapse.png",
+                 "vibrations.svg",
+                 "vibrations.png"});
+  std::vector<Child> children;
+  for (const double alpha : alphas) {
+    for (const Ensemble::Run& run : ensemble.Runs()) {
+      Child child;
+      child.name = Format("a%g_n%d_seed%llu",
+                          alpha,
+                          run.particles,
+                          static_cast<unsigned long long>(run.seed));
+      child.arguments = run.arguments;
+      child.arguments.push_back(Format("--alpha=%.17g", alpha));
+      // Dense spectra would take longer than all the rest.
+      if (run.particles > VibrationOptions().most_dense) {
+        child.arguments.push_back("--spectra=");
+      }
+      child.weight = run.weight;
+      children.push_back(child);
+    }
+  }
+  std::printf("scaling   %zu packings: alpha = %s, seeds %s, grains",
+              children.size(),
+              FLAGS_alphas.c_str(),
+              FLAGS_seeds.c_str());
+  for (const int size : sizes) std::printf(" %d", size);
+  std::printf("; %d at a time\n          each at phi_J + %s ... %s\n",
+              ensemble.jobs,
+              Neat(plan.distances.front()).c_str(),
+              Neat(plan.distances.back()).c_str());
+  bool interrupted = false;
+  const std::vector<ChildResult> results = RunChildren("scaling",
+                                                       children,
+                                                       ensemble.jobs,
+                                                       ensemble.resume,
+                                                       false,
+                                                       output,
+                                                       &interrupted);
+
+  const Collected all = Collect(children, results, output);
+
+  ExponentOptions options;
+  options.least_size = FLAGS_least_size;
+  options.most_distance = FLAGS_most_distance;
+  std::vector<Exponent> exponents;
+  for (const double alpha : alphas) {
+    for (const int size : sizes) {
+      for (const std::string& quantity : ScalingQuantities()) {
+        exponents.push_back(
+            FitExponent(all.states, quantity, alpha, size, options));
+      }
+    }
+  }
+  Json json;
+  json["runs"] = children.size();
+  json["interrupted"] = interrupted;
+  json["failures"] = all.failures;
+  json["exponents"] = ExponentsJson(exponents);
+  json["schema"] = "granopt/scaling_ensemble/1";
+  json["provenance"] = Provenance();
+  output.Write("states.csv", StatesCsv(all.states));
+  output.Write("exponents.csv", ExponentsCsv(exponents));
+  const bool has_spectrum = all.spectrum.size() > sizeof(kSpectrumHead);
+  if (has_spectrum) output.Write("spectrum.csv", all.spectrum);
+  output.WriteJson("summary.json", json);
+  if (!all.states.empty()) {
+    output.Plot({"laws",
+                 output.Path("states.csv"),
+                 output.Path("laws"),
+                 "--exponents=" + output.Path("exponents.csv")},
+                {"laws.svg", "laws.png"});
+    if (sizes.size() > 1) {
+      output.Plot(
+          {"collapse", output.Path("states.csv"), output.Path("collapse")},
+          {"collapse.svg", "collapse.png"});
+    }
+  }
+  if (has_spectrum) {
+    output.Plot(
+        {"vibrations", output.Path("spectrum.csv"), output.Path("vibrations")},
+        {"vibrations.svg", "vibrations.png"});
+  }
+
+  PrintExponents(exponents);
   std::printf(
       "  lines through the medians over packings, distances with P N^2 >= %g; "
       "intervals by resampling packings\n",
       options.least_size);
-  for (const std::string& line : failures) {
+  for (const std::string& line : all.failures) {
     std::printf("  %s\n", line.c_str());
   }
   if (interrupted) std::printf("\ninterrupted: --resume goes on\n");
   output.PrintFiles();
-  return failures.empty() && !interrupted ? kConverged : kNotConverged;
+  return all.failures.empty() && !interrupted ? kConverged : kNotConverged;
 }
 
 int Main() {

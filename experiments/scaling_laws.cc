@@ -4,7 +4,6 @@
 #include <cmath>
 #include <map>
 #include <set>
-#include <utility>
 
 #include "experiments/statistics.h"
 #include "experiments/tabular.h"
@@ -15,40 +14,35 @@
 namespace granopt {
 namespace {
 
-struct Column {
-  const char* name;
-  double ScalingState::*member;
-};
-
-const Column kColumns[] = {
-    {"particles", &ScalingState::particles},
-    {"seed", &ScalingState::seed},
-    {"alpha", &ScalingState::alpha},
-    {"dimension", &ScalingState::dimension},
-    {"asked", &ScalingState::asked},
-    {"phi_j", &ScalingState::phi_j},
-    {"distance", &ScalingState::distance},
-    {"pressure", &ScalingState::pressure},
-    {"reduced", &ScalingState::reduced},
-    {"bulk", &ScalingState::bulk},
-    {"bulk_box", &ScalingState::bulk_box},
-    {"bulk_affine", &ScalingState::bulk_affine},
-    {"shear", &ScalingState::shear},
-    {"shear_mean", &ScalingState::shear_mean},
-    {"shear_least", &ScalingState::shear_least},
-    {"shear_affine", &ScalingState::shear_affine},
-    {"coordination", &ScalingState::coordination},
-    {"excess", &ScalingState::excess},
-    {"excess_contacts", &ScalingState::excess_contacts},
-    {"rigid_grains", &ScalingState::rigid_grains},
-    {"rattlers", &ScalingState::rattlers},
-    {"fabric_isotropic", &ScalingState::fabric_isotropic},
-    {"fabric_deviatoric", &ScalingState::fabric_deviatoric},
-    {"stress_deviatoric", &ScalingState::stress_deviatoric},
-    {"mean_force", &ScalingState::mean_force},
-    {"mean_overlap", &ScalingState::mean_overlap},
-    {"stiffness", &ScalingState::stiffness},
-    {"residual", &ScalingState::residual},
+constexpr auto kColumns = [](auto& state, auto&& visit) {
+  visit("particles", state.particles);
+  visit("seed", state.seed);
+  visit("alpha", state.alpha);
+  visit("dimension", state.dimension);
+  visit("asked", state.asked);
+  visit("phi_j", state.phi_j);
+  visit("distance", state.distance);
+  visit("pressure", state.pressure);
+  visit("reduced", state.reduced);
+  visit("bulk", state.bulk);
+  visit("bulk_box", state.bulk_box);
+  visit("bulk_affine", state.bulk_affine);
+  visit("shear", state.shear);
+  visit("shear_mean", state.shear_mean);
+  visit("shear_least", state.shear_least);
+  visit("shear_affine", state.shear_affine);
+  visit("coordination", state.coordination);
+  visit("excess", state.excess);
+  visit("excess_contacts", state.excess_contacts);
+  visit("rigid_grains", state.rigid_grains);
+  visit("rattlers", state.rattlers);
+  visit("fabric_isotropic", state.fabric_isotropic);
+  visit("fabric_deviatoric", state.fabric_deviatoric);
+  visit("stress_deviatoric", state.stress_deviatoric);
+  visit("mean_force", state.mean_force);
+  visit("mean_overlap", state.mean_overlap);
+  visit("stiffness", state.stiffness);
+  visit("residual", state.residual);
 };
 
 struct Quantity {
@@ -101,36 +95,17 @@ bool FitMedians(const std::vector<std::vector<double>>& x,
 }  // namespace
 
 std::string StatesCsv(const std::vector<ScalingState>& states) {
-  std::string csv;
-  for (const Column& column : kColumns) {
-    csv += (csv.empty() ? "" : ",") + std::string(column.name);
-  }
-  csv += "\n";
-  for (const ScalingState& state : states) {
-    std::string row;
-    for (const Column& column : kColumns) {
-      row += (row.empty() ? "" : ",") + Number(state.*column.member);
-    }
-    csv += row + "\n";
-  }
-  return csv;
+  return RowsCsv(states, kColumns);
 }
 
 bool ReadStates(const std::string& text,
                 const std::string& name,
                 std::vector<ScalingState>* states,
                 std::string* error) {
-  CsvReader reader(text, name);
-  if (!reader.Begin(error)) return false;
-  while (reader.Row()) {
-    ScalingState state;
-    for (const Column& column : kColumns) {
-      reader.Read(column.name, &(state.*column.member));
-    }
-    states->push_back(state);
-  }
-  if (reader.error().empty()) return true;
-  return Fail(reader.error(), error);
+  std::vector<ScalingState> read;
+  if (!ParseRows(text, name, kColumns, &read, error)) return false;
+  states->insert(states->end(), read.begin(), read.end());
+  return true;
 }
 
 const std::vector<std::string>& ScalingQuantities() {

@@ -3,7 +3,6 @@
 #ifndef GRANOPT_EXPERIMENTS_SCALING_LAWS_H_
 #define GRANOPT_EXPERIMENTS_SCALING_LAWS_H_
 
-#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -37,7 +36,8 @@ struct ScalingState {
 
 // states.csv: a row a state, a column a member of that name.
 std::string StatesCsv(const std::vector<ScalingState>& states);
-// False with one line in `error` ("name:line: what").
+// Appends them, all or none: false with one line in `error` ("name:line:
+// what").
 bool ReadStates(const std::string& text,
                 const std::string& name,
                 std::vector<ScalingState>* states,

@@ -30,7 +30,7 @@ struct Scene {
   Packing packing;
   ContactEnergyOptions energy;
   std::unique_ptr<Solver> solver;
-  // "the file F.xyz" or "seed 3".
+  // "F.xyz" or "seed 3".
   std::string origin;
 };
 

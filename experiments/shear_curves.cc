@@ -2,20 +2,39 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-#include <sstream>
 
 #include "experiments/tabular.h"
+
 namespace granopt {
 namespace {
 
-constexpr char kHeader[] =
-    "increment,step,strain,energy,work,dissipated,stress_iso,stress_dev,"
-    "fabric_iso,fabric_dev,conjugate,pressure,shear_stress,phi,coordination,"
-    "contacts,rattlers,iterations,evaluations,residual,converged";
+constexpr auto kColumns = [](auto& row, auto&& visit) {
+  visit("increment", row.increment);
+  visit("step", row.step);
+  visit("strain", row.strain);
+  visit("energy", row.energy);
+  visit("work", row.work);
+  visit("dissipated", row.dissipated);
+  visit("stress_iso", row.stress_iso);
+  visit("stress_dev", row.stress_dev);
+  visit("fabric_iso", row.fabric_iso);
+  visit("fabric_dev", row.fabric_dev);
+  visit("conjugate", row.conjugate);
+  visit("pressure", row.pressure);
+  visit("shear_stress", row.shear_stress);
+  visit("phi", row.phi);
+  visit("coordination", row.coordination);
+  visit("contacts", row.contacts);
+  visit("rattlers", row.rattlers);
+  visit("iterations", row.iterations);
+  visit("evaluations", row.evaluations);
+  visit("residual", row.residual, 6);
+  visit("converged", row.converged);
+};
 
 // The curves of one increment each, in order.
-std::vector<std::vector<StrainRow>> Split(const std::vector<StrainRow>& rows) {
+std::vector<std::vector<StrainRow>> CurvesOf(
+    const std::vector<StrainRow>& rows) {
   std::vector<std::vector<StrainRow>> curves;
   for (const StrainRow& row : rows) {
     if (row.step == 0 || curves.empty()) curves.emplace_back();
@@ -58,70 +77,17 @@ StrainRow RowOf(double increment,
 }
 
 std::string CurvesCsv(const std::vector<StrainRow>& rows) {
-  std::string csv = std::string(kHeader) + "\n";
-  for (const StrainRow& r : rows) {
-    csv += Format("%.17g,%d,%.17g", r.increment, r.step, r.strain);
-    for (const double value : {r.energy,
-                               r.work,
-                               r.dissipated,
-                               r.stress_iso,
-                               r.stress_dev,
-                               r.fabric_iso,
-                               r.fabric_dev,
-                               r.conjugate,
-                               r.pressure,
-                               r.shear_stress,
-                               r.phi,
-                               r.coordination}) {
-      csv += Format(",%.17g", value);
-    }
-    csv += Format(",%d,%d,%lld,%lld,%.6g,%d\n",
-                  r.contacts,
-                  r.rattlers,
-                  static_cast<long long>(r.iterations),
-                  static_cast<long long>(r.evaluations),
-                  r.residual,
-                  r.converged);
-  }
-  return csv;
+  return RowsCsv(rows, kColumns);
 }
 
 bool ParseCurves(const std::string& csv,
                  std::vector<StrainRow>* rows,
                  std::string* error) {
-  rows->clear();
-  CsvReader reader(csv, "curves.csv");
-  if (!reader.Begin(error)) return false;
-  while (reader.Row()) {
-    StrainRow r;
-    reader.Read("increment", &r.increment);
-    reader.Read("step", &r.step);
-    reader.Read("strain", &r.strain);
-    reader.Read("energy", &r.energy);
-    reader.Read("work", &r.work);
-    reader.Read("dissipated", &r.dissipated);
-    reader.Read("stress_iso", &r.stress_iso);
-    reader.Read("stress_dev", &r.stress_dev);
-    reader.Read("fabric_iso", &r.fabric_iso);
-    reader.Read("fabric_dev", &r.fabric_dev);
-    reader.Read("conjugate", &r.conjugate);
-    reader.Read("pressure", &r.pressure);
-    reader.Read("shear_stress", &r.shear_stress);
-    reader.Read("phi", &r.phi);
-    reader.Read("coordination", &r.coordination);
-    reader.Read("contacts", &r.contacts);
-    reader.Read("rattlers", &r.rattlers);
-    reader.Read("iterations", &r.iterations);
-    reader.Read("evaluations", &r.evaluations);
-    reader.Read("residual", &r.residual);
-    reader.Read("converged", &r.converged);
-    rows->push_back(r);
-  }
-  return reader.error().empty() || Fail(reader.error(), error);
+  return ParseRows(csv, "curves.csv", kColumns, rows, error);
 }
 
 std::vector<Agreement> CompareIncrements(const std::vector<StrainRow>& rows) {
-  const std::vector<std::vector<StrainRow>> curves = Split(rows);
+  const std::vector<std::vector<StrainRow>> curves = CurvesOf(rows);
   std::vector<Agreement> all;
   if (curves.size() < 2) return all;
   const std::vector<StrainRow>& finest = curves.back();
@@ -214,62 +180,71 @@ Json AgreementJson(const std::vector<Agreement>& agreement) {
 
 std::string AgreementTable(const std::vector<Agreement>& agreement) {
   if (agreement.empty()) return "";
-  std::string text = Format(
-      "\n    against the curve of increment %g, mean differences in parts of "
-      "its largest value\n"
-      "    increment   stress: first tenth, all of the strain   within 1 %% "
-      "until   fabric: first tenth, all\n",
-      agreement.front().finest);
+  std::vector<std::vector<std::string>> rows = {{"increment",
+                                                 "stress: first tenth",
+                                                 "all of the strain",
+                                                 "within 1 % until",
+                                                 "fabric: first tenth",
+                                                 "all of the strain"}};
   for (const Agreement& a : agreement) {
-    text += Format("    %9g   %19.2g, %-17.2g   %16.4g   %19.2g, %.2g\n",
-                   a.increment,
-                   a.small_strain,
-                   a.all,
-                   a.agrees_until,
-                   a.small_strain_fabric,
-                   a.all_fabric);
+    rows.push_back({Format("%g", a.increment),
+                    Format("%.2g", a.small_strain),
+                    Format("%.2g", a.all),
+                    Format("%.4g", a.agrees_until),
+                    Format("%.2g", a.small_strain_fabric),
+                    Format("%.2g", a.all_fabric)});
   }
-  return text;
+  return Format(
+             "\n    against the curve of increment %g, mean differences in "
+             "parts of its largest value\n",
+             agreement.front().finest) +
+         Grid(rows, 0, false);
 }
 
 std::string CurvesTable(const std::vector<StrainRow>& rows,
                         DeformationMode mode) {
-  std::string text = Format(
-      "\n    increment   strain   stress iso  stress dev   fabric iso  fabric "
-      "dev   %s   dissipated / work       z\n",
-      mode == DeformationMode::BULK ? "      phi" : "contacts");
-  for (const std::vector<StrainRow>& curve : Split(rows)) {
+  const bool is_bulk = mode == DeformationMode::BULK;
+  std::vector<std::vector<std::string>> table = {{"increment",
+                                                  "strain",
+                                                  "stress iso",
+                                                  "stress dev",
+                                                  "fabric iso",
+                                                  "fabric dev",
+                                                  is_bulk ? "phi" : "contacts",
+                                                  "dissipated / work",
+                                                  "z"}};
+  for (const std::vector<StrainRow>& curve : CurvesOf(rows)) {
     double dissipated = 0.0, work = 0.0;
-    for (const StrainRow& row : curve) {
+    for (std::size_t k = 0; k < curve.size(); ++k) {
+      const StrainRow& row = curve[k];
       dissipated += row.dissipated;
       work += std::abs(row.work);
-      const bool turns = row.step > 0 && &row != &curve.back() &&
-                         std::abs((&row + 1)->strain) < std::abs(row.strain);
-      const bool shown = &row == &curve.front() || &row == &curve.back() ||
-                         (turns && (&row - 1)->step < row.step &&
-                          std::abs((&row - 1)->strain) < std::abs(row.strain));
-      if (!shown) continue;
-      text += Format(
-          "    %9g   %6g   %10.4e  %10.4e   %10.5f  %10.5f   %8s   %17s  "
-          "%6.4f\n",
-          row.increment,
-          row.strain,
-          row.stress_iso,
-          row.stress_dev,
-          row.fabric_iso,
-          row.fabric_dev,
-          mode == DeformationMode::BULK ? Format("%.6f", row.phi).c_str()
-                                        : Format("%d", row.contacts).c_str(),
-          work > 0.0 ? Format("%.4f", dissipated / work).c_str() : "-",
-          row.coordination);
+      const bool is_end = k == 0 || k + 1 == curve.size();
+      const auto size = [&curve](std::size_t n) {
+        return std::abs(curve[n].strain);
+      };
+      // The ends, and where a cycle turns.
+      if (!is_end && !(size(k - 1) < size(k) && size(k + 1) < size(k))) {
+        continue;
+      }
+      table.push_back(
+          {Format("%g", row.increment),
+           Format("%g", row.strain),
+           Format("%.4e", row.stress_iso),
+           Format("%.4e", row.stress_dev),
+           Format("%.5f", row.fabric_iso),
+           Format("%.5f", row.fabric_dev),
+           is_bulk ? Format("%.6f", row.phi) : Format("%d", row.contacts),
+           work > 0.0 ? Format("%.4f", dissipated / work) : "-",
+           Format("%.4f", row.coordination)});
     }
   }
-  return text;
+  return "\n" + Grid(table, 0, false);
 }
 
 Json CurvesJson(const std::vector<StrainRow>& rows) {
   Json json = Json::array();
-  for (const std::vector<StrainRow>& curve : Split(rows)) {
+  for (const std::vector<StrainRow>& curve : CurvesOf(rows)) {
     double dissipated = 0.0, work = 0.0, most = 0.0;
     for (const StrainRow& row : curve) {
       dissipated += row.dissipated;

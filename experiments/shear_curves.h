@@ -3,6 +3,7 @@
 #ifndef GRANOPT_EXPERIMENTS_SHEAR_CURVES_H_
 #define GRANOPT_EXPERIMENTS_SHEAR_CURVES_H_
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -31,9 +32,7 @@ StrainRow RowOf(double increment,
                 DeformationMode mode,
                 const QuasistaticShearStep& step);
 
-// increment,step,strain,energy,work,dissipated,stress_iso,stress_dev,
-// fabric_iso,fabric_dev,conjugate,pressure,shear_stress,phi,coordination,
-// contacts,rattlers,iterations,evaluations,residual,converged
+// A column a member, in their order.
 std::string CurvesCsv(const std::vector<StrainRow>& rows);
 // Bit by bit what was written; one line in `error` for anything else.
 bool ParseCurves(const std::string& csv,

@@ -10,8 +10,8 @@
 #include "experiments/run.h"
 #include "experiments/scene.h"
 #include "experiments/shear_ensemble.h"
+#include "experiments/tabular.h"
 #include "granular/damped_motion.h"
-#include "granular/packing_io.h"
 
 DECLARE_bool(resume);
 
@@ -81,126 +81,69 @@ std::vector<double> Values(const Relaxation& r) {
           o.coordination};
 }
 
-}  // namespace
-
-int RunDynamics(const std::vector<std::uint64_t>& seeds,
-                double phi,
+// Rows of one packing: relaxed both ways as it is and, from the minimizer's
+// state, after each strain.
+void RunPacking(const Scene& scene,
+                std::uint64_t seed,
                 const std::vector<double>& strains,
-                std::unique_ptr<Solver> solver) {
+                const Solver& solver,
+                Progress* progress,
+                std::vector<DynamicsRow>* rows) {
   const SolveOptions solve = MakeSolveOptions();
-  std::printf(
-      "shear     damped motion against %s: %zu packings, phi = %g; a random "
-      "start, and pure shear by",
-      solver->name().c_str(),
-      seeds.size(),
-      phi);
-  for (const double strain : strains) std::printf(" %g", strain);
-  std::printf(
-      "\n          m x'' = -dE/dx - c x' from rest until |g| <= %g mean "
-      "forces; c / sqrt(k m) = 0.1, 0.5, 2\n",
-      solve.relative_tolerance);
-  Json setup = {{"seeds", seeds},
-                {"phi", phi},
-                {"strains", strains},
-                {"solver", solver->name()},
-                {"tolerance", solve.relative_tolerance}};
-  {
-    const Scene first = MakeScene(phi, seeds.front());
-    setup["packing"] = Crc32(FormatPacking(first.packing));
-    setup["alpha"] = first.energy.alpha;
-    setup["precision"] = PrecisionName(first.energy.precision);
-  }
-  const Checkpoint checkpoint(CheckpointPath(), setup);
-  std::vector<DynamicsRow> rows;
-  std::size_t done = 0;
-  Json written;
-  if (FLAGS_resume && Resume(checkpoint, &written)) {
-    try {
-      written.at("done").get_to(done);
-      for (const Json& row : written.at("rows")) {
-        rows.push_back(DynamicsRowOf(row));
-      }
-    } catch (const Json::exception& exception) {
-      RefuseState(checkpoint, exception);
-    }
-    std::printf("          resumed after %zu packings\n", done);
-  }
-  std::vector<std::string> names = {
-      "summary.json", "dynamics.csv", "dynamics.svg", "dynamics.png"};
-  const std::vector<std::string> kept = CheckpointFiles();
-  if (!FLAGS_resume) names.insert(names.end(), kept.begin(), kept.end());
-  Output output;
-  output.Create(FLAGS_out, names, kept);
-  CatchStopSignals();
-  std::fflush(stdout);
   std::string error;
-  Progress progress;
-  while (done < seeds.size() && !StopRequested()) {
-    const std::uint64_t seed = seeds[done];
-    const Scene scene = MakeScene(phi, seed);
-    Packing load = scene.packing;
-    Packing relaxed;
-    for (std::size_t k = 0; k <= strains.size(); ++k) {
-      std::string name = "random start";
-      if (k > 0) {
-        load = relaxed;
-        load.Deform(PureShear(load.dimension(), strains[k - 1]));
-        name = Format("shear %g", strains[k - 1]);
-      }
-      if (progress.Due()) {
-        progress.Show(Format("seed %llu, %s",
-                             static_cast<unsigned long long>(seed),
-                             name.c_str()));
-      }
-      Relaxation minimum;
-      if (!Relax(load, scene.energy, *solver, solve, &minimum, &error)) {
-        BadInput(error);
-      }
-      if (k == 0) relaxed = minimum.packing;
-      const std::vector<double> base = Values(minimum);
-      const auto note = [&](const std::string& way,
-                            double damping,
-                            const Relaxation& r) {
-        const std::vector<double> values = Values(r);
-        rows.push_back({seed,
-                        name,
-                        way,
-                        damping,
-                        values,
-                        r.summary.counters.evaluations,
-                        r.summary.Succeeded(),
-                        std::abs(values[0] - base[0]) <= kSameState * base[0]});
-      };
-      note("minimizer", 0.0, minimum);
-      for (const double damping : kDampings) {
-        DampedMotionOptions options;
-        options.energy = scene.energy;
-        options.damping = damping;
-        options.tolerance = solve.relative_tolerance;
-        options.vanishing_tolerance = solve.vanishing_tolerance;
-        options.max_steps = 2'000'000;
-        Relaxation motion;
-        if (!RelaxByDampedMotion(load, options, &motion, &error)) {
-          BadInput(error);
-        }
-        note(Format("motion c=%g", damping), damping, motion);
-      }
+  Packing load = scene.packing;
+  Packing relaxed;
+  for (std::size_t k = 0; k <= strains.size(); ++k) {
+    std::string name = "random start";
+    if (k > 0) {
+      load = relaxed;
+      load.Deform(PureShear(load.dimension(), strains[k - 1]));
+      name = Format("shear %g", strains[k - 1]);
     }
-    ++done;
-    Json state = {{"done", done}, {"rows", Json::array()}};
-    for (const DynamicsRow& row : rows) state["rows"].push_back(ToJson(row));
-    if (!checkpoint.Write(state, &error)) BadInput(error);
+    if (progress->Due()) {
+      progress->Show(Format("seed %llu, %s",
+                            static_cast<unsigned long long>(seed),
+                            name.c_str()));
+    }
+    Relaxation minimum;
+    if (!Relax(load, scene.energy, solver, solve, &minimum, &error)) {
+      BadInput(error);
+    }
+    if (k == 0) relaxed = minimum.packing;
+    const double energy = minimum.observables.energy;
+    const auto note =
+        [&](const std::string& way, double damping, const Relaxation& r) {
+          rows->push_back(
+              {seed,
+               name,
+               way,
+               damping,
+               Values(r),
+               r.summary.counters.evaluations,
+               r.summary.Succeeded(),
+               std::abs(r.observables.energy - energy) <= kSameState * energy});
+        };
+    note("minimizer", 0.0, minimum);
+    for (const double damping : kDampings) {
+      DampedMotionOptions options;
+      options.energy = scene.energy;
+      options.damping = damping;
+      options.tolerance = solve.relative_tolerance;
+      options.vanishing_tolerance = solve.vanishing_tolerance;
+      options.max_steps = 2'000'000;
+      Relaxation motion;
+      if (!RelaxByDampedMotion(load, options, &motion, &error)) BadInput(error);
+      note(Format("motion c=%g", damping), damping, motion);
+    }
   }
-  progress.Clear();
-  if (done < seeds.size()) {
-    std::printf(
-        "\nstopped as asked, after %zu of %zu packings: the same command with "
-        "--resume goes on\n",
-        done,
-        seeds.size());
-    return kNotConverged;
-  }
+}
 
+// Writes and prints what all rows say; true if every run converged.
+bool Publish(const std::vector<DynamicsRow>& rows,
+             std::size_t packings,
+             double phi,
+             const Solver& solver,
+             Output* output) {
   std::string csv = "seed,load,way,damping";
   for (const char* quantity : kQuantities) csv += Format(",%s", quantity);
   csv += ",evaluations,converged,same_state\n";
@@ -235,50 +178,107 @@ int RunDynamics(const std::vector<std::uint64_t>& seeds,
 
   Json json;
   json["converged"] = all;
-  json["packings"] = done;
+  json["packings"] = packings;
   json["phi"] = phi;
-  json["solver"] = solver->name();
+  json["solver"] = solver.name();
   json["groups"] = Json::array();
-  std::printf(
-      "\n    mean ratio to the minimizer's, and its standard error over the "
-      "packings\n"
-      "    load           way            energy           pressure         "
-      "stress dev       fabric iso       fabric dev       z                "
-      "same minimum  evaluations\n");
+  std::vector<std::vector<std::string>> table = {{"load", "way"}};
+  for (const char* quantity : kQuantities) table[0].push_back(quantity);
+  table[0].insert(table[0].end(),
+                  {"same minimum", "not converged", "evaluations"});
   for (const Key& key : order) {
     const Group& group = groups[key];
     Json one = {{"load", key.first}, {"way", key.second}};
-    std::printf("    %-13s  %-13s", key.first.c_str(), key.second.c_str());
+    table.push_back({key.first, key.second});
     for (int q = 0; q < kNumQuantities; ++q) {
       const BandPoint p = MakeBand(group.ratio[q]);
       one[kQuantities[q]] = {{"ratio", p.mean}, {"error", p.standard_error}};
-      std::printf(" %7.4f +- %.4f", p.mean, p.standard_error);
+      table.back().push_back(Format("%.4f +- %.4f", p.mean, p.standard_error));
     }
     const BandPoint work = MakeBand(group.evaluations);
     one["same_state"] = group.same;
     one["runs"] = group.runs;
     one["converged"] = group.converged;
     one["evaluations"] = work.mean;
-    std::printf(
-        "  %2d of %-7d %12.0f%s\n",
-        group.same,
-        group.runs,
-        work.mean,
-        group.converged < group.runs
-            ? Format("  %d did not converge", group.runs - group.converged)
-                  .c_str()
-            : "");
+    table.back().insert(table.back().end(),
+                        {Format("%d of %d", group.same, group.runs),
+                         Format("%d", group.runs - group.converged),
+                         Format("%.0f", work.mean)});
     json["groups"].push_back(one);
   }
   json["schema"] = "granopt/shear_dynamics/1";
   json["provenance"] = Provenance();
-  output.Write("dynamics.csv", csv);
-  output.WriteJson("summary.json", json);
-  output.Plot(
-      {"dynamics", output.Path("dynamics.csv"), output.Path("dynamics")},
+  output->Write("dynamics.csv", csv);
+  output->WriteJson("summary.json", json);
+  output->Plot(
+      {"dynamics", output->Path("dynamics.csv"), output->Path("dynamics")},
       {"dynamics.svg", "dynamics.png"});
-  output.PrintFiles();
-  return all ? kConverged : kNotConverged;
+  std::printf(
+      "\n    mean ratio to the minimizer's, and its standard error over the "
+      "packings\n%s",
+      Grid(table, 0, false, 2).c_str());
+  output->PrintFiles();
+  return all;
+}
+
+}  // namespace
+
+int RunDynamics(const std::vector<std::uint64_t>& seeds,
+                double phi,
+                const std::vector<double>& strains,
+                std::unique_ptr<Solver> solver) {
+  const SolveOptions solve = MakeSolveOptions();
+  Scene first = MakeScene(phi, seeds.front());
+  first.solver = std::move(solver);
+  std::printf(
+      "shear     damped motion against %s: %zu packings, phi = %g; a random "
+      "start, and pure shear by",
+      first.solver->name().c_str(),
+      seeds.size(),
+      phi);
+  for (const double strain : strains) std::printf(" %g", strain);
+  std::printf(
+      "\n          m x'' = -dE/dx - c x' from rest until |g| <= %g mean "
+      "forces; c / sqrt(k m) = 0.1, 0.5, 2\n",
+      solve.relative_tolerance);
+  Json setup = SceneSetup(first, solve);
+  setup.update({{"seeds", seeds}, {"phi", phi}, {"strains", strains}});
+  const Checkpoint checkpoint(CheckpointPath(), setup);
+  std::vector<DynamicsRow> rows;
+  std::size_t done = 0;
+  if (FLAGS_resume && Resume(checkpoint, [&](const Json& json) {
+        json.at("done").get_to(done);
+        for (const Json& row : json.at("rows")) {
+          rows.push_back(DynamicsRowOf(row));
+        }
+      })) {
+    std::printf("          resumed after %zu packings\n", done);
+  }
+  Output output;
+  CreateOutput({"summary.json", "dynamics.csv", "dynamics.svg", "dynamics.png"},
+               FLAGS_resume,
+               &output);
+  std::fflush(stdout);
+  Progress progress;
+  while (done < seeds.size() && !StopRequested()) {
+    RunPacking(MakeScene(phi, seeds[done]),
+               seeds[done],
+               strains,
+               *first.solver,
+               &progress,
+               &rows);
+    ++done;
+    Json state = {{"done", done}, {"rows", Json::array()}};
+    for (const DynamicsRow& row : rows) state["rows"].push_back(ToJson(row));
+    Save(checkpoint, state);
+  }
+  progress.Clear();
+  if (done < seeds.size()) {
+    return StoppedAsAsked(
+        Format("after %zu of %zu packings", done, seeds.size()));
+  }
+  return Publish(rows, done, phi, *first.solver, &output) ? kConverged
+                                                          : kNotConverged;
 }
 
 }  // namespace granopt

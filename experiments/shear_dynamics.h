@@ -13,8 +13,8 @@
 namespace granopt {
 
 // For each seed a random start of packing fraction `phi` is relaxed both ways,
-// and so is the minimizer's state after a pure shear of `strain`, `large` and
-// small. Returns the exit status.
+// and so is the minimizer's state after a pure shear by each of `strains`.
+// Returns the exit status.
 int RunDynamics(const std::vector<std::uint64_t>& seeds,
                 double phi,
                 const std::vector<double>& strains,

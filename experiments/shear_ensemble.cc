@@ -1,7 +1,5 @@
 #include "experiments/shear_ensemble.h"
 
-#include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <map>
 
@@ -9,6 +7,7 @@
 #include "experiments/scene.h"
 #include "experiments/shear_events.h"
 #include "experiments/statistics.h"
+#include "experiments/tabular.h"
 #include "granular/atomic_file.h"
 
 DECLARE_string(seeds);
@@ -17,6 +16,12 @@ DECLARE_double(pressure);
 
 namespace granopt {
 namespace {
+
+constexpr double Agreement::*kAgreements[] = {&Agreement::small_strain,
+                                              &Agreement::all,
+                                              &Agreement::agrees_until,
+                                              &Agreement::small_strain_fabric,
+                                              &Agreement::all_fabric};
 
 // What the search for events of every packing counts (its summary's "events").
 constexpr const char* kSearchCounts[] = {
@@ -75,38 +80,53 @@ BandPoint MakeBand(const std::vector<double>& values) {
   return point;
 }
 
+namespace {
+
+// Of the quantities of BandsCsv().
+struct Band {
+  const char* name;
+  double StrainRow::*member;
+};
+constexpr Band kBands[] = {{"stress_iso", &StrainRow::stress_iso},
+                           {"stress_dev", &StrainRow::stress_dev},
+                           {"fabric_iso", &StrainRow::fabric_iso},
+                           {"fabric_dev", &StrainRow::fabric_dev},
+                           {"conjugate", &StrainRow::conjugate},
+                           {"phi", &StrainRow::phi}};
+
+// Row k of all curves that go so far.
+std::vector<double> At(const std::vector<std::vector<StrainRow>>& curves,
+                       std::size_t k,
+                       double StrainRow::*quantity) {
+  std::vector<double> values;
+  for (const std::vector<StrainRow>& rows : curves) {
+    if (k < rows.size()) values.push_back(rows[k].*quantity);
+  }
+  return values;
+}
+
+}  // namespace
+
 std::string BandsCsv(const std::vector<std::vector<StrainRow>>& members) {
   std::string csv = "increment,step,strain,curves";
-  for (const char* name : {"stress_iso",
-                           "stress_dev",
-                           "fabric_iso",
-                           "fabric_dev",
-                           "conjugate",
-                           "phi"}) {
-    csv += Format(",%s,%s_error,%s_low,%s_high", name, name, name, name);
+  for (const Band& band : kBands) {
+    csv += Format(",%s,%s_error,%s_low,%s_high",
+                  band.name,
+                  band.name,
+                  band.name,
+                  band.name);
   }
   csv += "\n";
   if (members.empty()) return csv;
   for (std::size_t k = 0; k < members[0].size(); ++k) {
     const StrainRow& first = members[0][k];
-    std::vector<double> values[6];
-    for (const std::vector<StrainRow>& rows : members) {
-      if (k >= rows.size()) continue;
-      const StrainRow& r = rows[k];
-      values[0].push_back(r.stress_iso);
-      values[1].push_back(r.stress_dev);
-      values[2].push_back(r.fabric_iso);
-      values[3].push_back(r.fabric_dev);
-      values[4].push_back(r.conjugate);
-      values[5].push_back(r.phi);
-    }
     csv += Format("%.17g,%d,%.17g,%zu",
                   first.increment,
                   first.step,
                   first.strain,
-                  values[0].size());
-    for (const std::vector<double>& v : values) {
-      const BandPoint p = MakeBand(v);
+                  At(members, k, &StrainRow::strain).size());
+    for (const Band& band : kBands) {
+      const BandPoint p = MakeBand(At(members, k, band.member));
       csv += Format(
           ",%.17g,%.9g,%.17g,%.17g", p.mean, p.standard_error, p.low, p.high);
     }
@@ -114,6 +134,104 @@ std::string BandsCsv(const std::vector<std::vector<StrainRow>>& members) {
   }
   return csv;
 }
+
+namespace {
+
+// Means and standard errors at the beginning and the end of each increment.
+void PrintBands(const std::vector<std::vector<StrainRow>>& curves) {
+  const std::vector<StrainRow>& rows = curves[0];
+  std::vector<std::vector<std::string>> table = {{"increment",
+                                                  "strain",
+                                                  "stress iso",
+                                                  "stress dev",
+                                                  "fabric iso",
+                                                  "fabric dev"}};
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    const bool last = k + 1 == rows.size() || rows[k + 1].step == 0;
+    if (rows[k].step != 0 && !last) continue;
+    table.push_back(
+        {Format("%g", rows[k].increment), Format("%g", rows[k].strain)});
+    const auto add = [&](double StrainRow::*quantity, const char* format) {
+      const BandPoint p = MakeBand(At(curves, k, quantity));
+      table.back().push_back(Format(format, p.mean, p.standard_error));
+    };
+    add(&StrainRow::stress_iso, "%.4e +- %.1e");
+    add(&StrainRow::stress_dev, "%.4e +- %.1e");
+    add(&StrainRow::fabric_iso, "%.5f +- %.1e");
+    add(&StrainRow::fabric_dev, "%.5f +- %.1e");
+  }
+  std::printf("\n%s", Grid(table, 0, false).c_str());
+}
+
+// Of all members that are complete.
+struct Totals {
+  Json failures = Json::array();
+  bool converged = true;
+  std::vector<std::vector<StrainRow>> curves;
+  std::vector<Agreement> agreement;  // means
+  std::vector<EventRow> events;
+  std::string events_csv = "seed," + EventsCsv({});
+  bool has_events = false;
+  // Sums of what the searches say, and of the starts.
+  std::map<std::string, int> search;
+  std::map<int, int> excess;
+  int held_by_cell = 0, starts = 0;
+};
+
+void Add(const ShearMember& member, Totals* all) {
+  all->curves.push_back(member.rows);
+  for (const char* key : kSearchCounts) {
+    all->search[key] +=
+        member.search.is_object() ? member.search.value(key, 0) : 0;
+  }
+  const Json& start = member.start;
+  if (start.is_object() && start.contains("least_shear_modulus")) {
+    ++all->starts;
+    ++all->excess[start.at("rigid_contacts").get<int>() -
+                  start.at("isostatic_contacts").get<int>()];
+    all->held_by_cell +=
+        start.at("least_shear_modulus").get<double>() < 0.0 ? 1 : 0;
+  }
+  all->has_events = all->has_events || member.has_events;
+  for (const EventRow& row : member.events) {
+    const std::string line = EventsCsv({row});
+    all->events_csv +=
+        Format("%llu,", static_cast<unsigned long long>(member.seed)) +
+        line.substr(line.find('\n') + 1);
+    all->events.push_back(row);
+  }
+}
+
+Totals Sum(const std::vector<ShearMember>& members) {
+  Totals all;
+  int compared = 0;
+  for (const ShearMember& member : members) {
+    all.converged = all.converged && member.complete && member.converged;
+    if (!member.complete) {
+      all.failures.push_back(
+          {{"run", NameOf(member)}, {"line", member.failure}});
+      continue;
+    }
+    Add(member, &all);
+    const std::vector<Agreement> agreement = CompareIncrements(member.rows);
+    compared += agreement.empty() ? 0 : 1;
+    if (all.agreement.empty()) all.agreement.resize(agreement.size());
+    for (std::size_t k = 0; k < agreement.size(); ++k) {
+      Agreement& sum = all.agreement[k];
+      sum.increment = agreement[k].increment;
+      sum.finest = agreement[k].finest;
+      for (const auto quantity : kAgreements) {
+        sum.*quantity += agreement[k].*quantity;
+      }
+    }
+  }
+  for (Agreement& mean : all.agreement) {
+    for (const auto quantity : kAgreements) mean.*quantity /= compared;
+  }
+  return all;
+}
+
+}  // namespace
 
 int RunShearEnsemble(const Ensemble& ensemble, bool has_particles) {
   Output output;
@@ -165,89 +283,30 @@ int RunShearEnsemble(const Ensemble& ensemble, bool has_particles) {
     }
   }
 
-  std::vector<std::vector<StrainRow>> curves;
-  std::vector<EventRow> events;
-  std::string events_csv = "seed," + EventsCsv({});
-  bool all = true, has_events = false;
+  const Totals all = Sum(members);
   Json json;
   json["packings"] = members.size();
   json["interrupted"] = interrupted;
-  json["failures"] = Json::array();
-  std::vector<Agreement> mean_agreement;
-  int counted = 0, compared = 0;
-  // Sums of what the searches say, and of the starts.
-  std::map<std::string, int> search;
-  std::map<int, int> excess;
-  int held_by_cell = 0, starts = 0;
-  for (ShearMember& member : members) {
-    all = all && member.complete && member.converged;
-    if (!member.complete) {
-      json["failures"].push_back(
-          {{"run", NameOf(member)}, {"line", member.failure}});
-      continue;
-    }
-    curves.push_back(member.rows);
-    const std::vector<Agreement> agreement = CompareIncrements(member.rows);
-    compared += agreement.empty() ? 0 : 1;
-    if (mean_agreement.empty()) mean_agreement.resize(agreement.size());
-    for (std::size_t k = 0; k < agreement.size(); ++k) {
-      Agreement& sum = mean_agreement[k];
-      sum.increment = agreement[k].increment;
-      sum.finest = agreement[k].finest;
-      sum.small_strain += agreement[k].small_strain;
-      sum.all += agreement[k].all;
-      sum.agrees_until += agreement[k].agrees_until;
-      sum.small_strain_fabric += agreement[k].small_strain_fabric;
-      sum.all_fabric += agreement[k].all_fabric;
-    }
-    ++counted;
-    for (const char* key : kSearchCounts) {
-      search[key] +=
-          member.search.is_object() ? member.search.value(key, 0) : 0;
-    }
-    if (member.start.is_object() &&
-        member.start.contains("least_shear_modulus")) {
-      ++starts;
-      ++excess[member.start.at("rigid_contacts").get<int>() -
-               member.start.at("isostatic_contacts").get<int>()];
-      held_by_cell +=
-          member.start.at("least_shear_modulus").get<double>() < 0.0 ? 1 : 0;
-    }
-    has_events = has_events || member.has_events;
-    for (const EventRow& row : member.events) {
-      const std::string line = EventsCsv({row});
-      events_csv +=
-          Format("%llu,", static_cast<unsigned long long>(member.seed)) +
-          line.substr(line.find('\n') + 1);
-      events.push_back(row);
-    }
-  }
-  for (Agreement& a : mean_agreement) {
-    for (double* value : {&a.small_strain,
-                          &a.all,
-                          &a.agrees_until,
-                          &a.small_strain_fabric,
-                          &a.all_fabric}) {
-      *value /= compared;
-    }
-  }
-  json["complete"] = counted;
+  json["failures"] = all.failures;
+  json["complete"] = all.curves.size();
   json["mode"] = FLAGS_mode;
-  json["agreement"] = AgreementJson(mean_agreement);
-  if (has_events) json["events"] = search;
-  for (const auto& [count, packings] : excess) {
+  json["agreement"] = AgreementJson(all.agreement);
+  if (all.has_events) json["events"] = all.search;
+  for (const auto& [count, packings] : all.excess) {
     json["starts"]["excess_contacts"][Format("%d", count)] = packings;
   }
-  if (starts > 0) json["starts"]["softened_by_a_shear"] = held_by_cell;
+  if (all.starts > 0) {
+    json["starts"]["softened_by_a_shear"] = all.held_by_cell;
+  }
   json["schema"] = "granopt/shear_ensemble/1";
   json["provenance"] = Provenance();
-  output.Write("bands.csv", BandsCsv(curves));
-  if (!mean_agreement.empty()) {
-    output.Write("agreement.csv", AgreementCsv(mean_agreement));
+  output.Write("bands.csv", BandsCsv(all.curves));
+  if (!all.agreement.empty()) {
+    output.Write("agreement.csv", AgreementCsv(all.agreement));
   }
-  if (has_events) output.Write("events.csv", events_csv);
+  if (all.has_events) output.Write("events.csv", all.events_csv);
   output.WriteJson("summary.json", json);
-  if (counted > 0) {
+  if (!all.curves.empty()) {
     output.Plot(
         {"shear",
          output.Path("bands.csv"),
@@ -256,61 +315,35 @@ int RunShearEnsemble(const Ensemble& ensemble, bool has_particles) {
          Format("--first=%s", FLAGS_pressure > 0.0 ? "phi" : "stress_iso")},
         {"bands.svg", "bands.png"});
   }
-  if (events.size() > 3) {
+  if (all.events.size() > 3) {
     output.Plot({"events", output.Path("events.csv"), output.Path("events")},
                 {"events.svg", "events.png"});
   }
-  if (counted > 0) {
-    const std::vector<StrainRow>& rows = curves[0];
+  if (!all.curves.empty()) PrintBands(all.curves);
+  std::printf("%s", AgreementTable(all.agreement).c_str());
+  if (all.has_events) {
     std::printf(
-        "\n    increment   strain   stress iso  stress dev             fabric "
-        "iso  fabric dev            (means and standard errors)\n");
-    for (std::size_t k = 0; k < rows.size(); ++k) {
-      const bool last = k + 1 == rows.size() || rows[k + 1].step == 0;
-      if (rows[k].step != 0 && !last) continue;
-      std::vector<double> values[4];
-      for (const std::vector<StrainRow>& one : curves) {
-        if (k >= one.size()) continue;
-        values[0].push_back(one[k].stress_iso);
-        values[1].push_back(one[k].stress_dev);
-        values[2].push_back(one[k].fabric_iso);
-        values[3].push_back(one[k].fabric_dev);
-      }
-      BandPoint p[4];
-      for (int q = 0; q < 4; ++q) p[q] = MakeBand(values[q]);
-      std::printf(
-          "    %9g   %6g   %10.4e  %10.4e +- %7.1e   %10.5f  %10.5f +- %7.1e\n",
-          rows[k].increment,
-          rows[k].strain,
-          p[0].mean,
-          p[1].mean,
-          p[1].standard_error,
-          p[2].mean,
-          p[3].mean,
-          p[3].standard_error);
-    }
-  }
-  std::printf("%s", AgreementTable(mean_agreement).c_str());
-  if (has_events) {
-    std::printf(
-        "  events        %zu in %d packings: in %d of %d searched steps; %d "
+        "  events        %zu in %zu packings: in %d of %d searched steps; %d "
         "branches were left and met again\n",
-        events.size(),
-        counted,
-        search["steps_searched"] - search["steps_without"],
-        search["steps_searched"],
-        search["reversible_branches"]);
+        all.events.size(),
+        all.curves.size(),
+        all.search.at("steps_searched") - all.search.at("steps_without"),
+        all.search.at("steps_searched"),
+        all.search.at("reversible_branches"));
   }
-  if (starts > 0) {
+  if (all.starts > 0) {
     std::printf("  starts        contacts beyond isostatic:");
-    for (const auto& [count, packings] : excess) {
+    for (const auto& [count, packings] : all.excess) {
       std::printf(" %d (%d)", count, packings);
     }
-    std::printf("; G < 0 in some direction: %d of %d\n", held_by_cell, starts);
+    std::printf(
+        "; G < 0 in some direction: %d of %d\n", all.held_by_cell, all.starts);
   }
-  if (interrupted) std::printf("\ninterrupted: %d complete\n", counted);
+  if (interrupted) {
+    std::printf("\ninterrupted: %zu complete\n", all.curves.size());
+  }
   output.PrintFiles();
-  return all && !interrupted ? kConverged : kNotConverged;
+  return all.converged && !interrupted ? kConverged : kNotConverged;
 }
 
 }  // namespace granopt

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <sstream>
 
 #include "experiments/checkpoint.h"
 #include "experiments/tabular.h"
@@ -19,6 +17,26 @@ constexpr int kHarmonics = 7;
 // The far field, in cells: beyond the core, within the nearest image.
 constexpr double kInner = 0.15;
 constexpr double kOuter = 0.45;
+
+constexpr auto kColumns = [](auto& row, auto&& visit) {
+  visit("strain_before", row.strain_before);
+  visit("strain_after", row.strain_after);
+  visit("energy", row.energy);
+  visit("energy_drop", row.energy_drop);
+  visit("stress_drop", row.stress_drop);
+  visit("pressure_drop", row.pressure_drop);
+  visit("participation", row.participation);
+  visit("contacts_opened", row.opened);
+  visit("contacts_closed", row.closed);
+  visit("reversal_energy", row.reversal_energy);
+  visit("reversal_displacement", row.reversal_displacement);
+  visit("relaxations", row.relaxations);
+  visit("m0", row.harmonics[0]);
+  visit("m1", row.harmonics[1]);
+  visit("m2", row.harmonics[2]);
+  visit("m3", row.harmonics[3]);
+  visit("m4", row.harmonics[4]);
+};
 
 EventRow RowOf(const PlasticEvent& event) {
   EventRow row;
@@ -97,57 +115,13 @@ EventCatalogue EventCatalogueOf(const Json& json) {
 }
 
 std::string EventsCsv(const std::vector<EventRow>& rows) {
-  std::string csv =
-      "strain_before,strain_after,energy,energy_drop,stress_drop,"
-      "pressure_drop,participation,contacts_opened,contacts_closed,"
-      "reversal_energy,reversal_displacement,relaxations,m0,m1,m2,m3,m4\n";
-  for (const EventRow& r : rows) {
-    csv +=
-        Format("%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%d,%d,%.17g,%.17g,%d",
-               r.strain_before,
-               r.strain_after,
-               r.energy,
-               r.energy_drop,
-               r.stress_drop,
-               r.pressure_drop,
-               r.participation,
-               r.opened,
-               r.closed,
-               r.reversal_energy,
-               r.reversal_displacement,
-               r.relaxations);
-    for (const double part : r.harmonics) csv += Format(",%.17g", part);
-    csv += "\n";
-  }
-  return csv;
+  return RowsCsv(rows, kColumns);
 }
 
 bool ParseEvents(const std::string& csv,
                  std::vector<EventRow>* rows,
                  std::string* error) {
-  rows->clear();
-  CsvReader reader(csv, "events.csv");
-  if (!reader.Begin(error)) return false;
-  while (reader.Row()) {
-    EventRow r;
-    reader.Read("strain_before", &r.strain_before);
-    reader.Read("strain_after", &r.strain_after);
-    reader.Read("energy", &r.energy);
-    reader.Read("energy_drop", &r.energy_drop);
-    reader.Read("stress_drop", &r.stress_drop);
-    reader.Read("pressure_drop", &r.pressure_drop);
-    reader.Read("participation", &r.participation);
-    reader.Read("contacts_opened", &r.opened);
-    reader.Read("contacts_closed", &r.closed);
-    reader.Read("reversal_energy", &r.reversal_energy);
-    reader.Read("reversal_displacement", &r.reversal_displacement);
-    reader.Read("relaxations", &r.relaxations);
-    for (int m = 0; m < 5; ++m) {
-      reader.Read(Format("m%d", m).c_str(), &r.harmonics[m]);
-    }
-    rows->push_back(r);
-  }
-  return reader.error().empty() || Fail(reader.error(), error);
+  return ParseRows(csv, "events.csv", kColumns, rows, error);
 }
 
 bool NoteEvents(const QuasistaticShearState& before,
@@ -204,61 +178,13 @@ std::vector<std::string> WithEventFiles(std::vector<std::string> names) {
   return names;
 }
 
-std::string PublishEvents(const EventCatalogue& catalogue,
-                          const PlasticEventOptions& options,
-                          const Solver& solver,
-                          Output* output,
-                          Json* json) {
-  output->Write("events.csv", EventsCsv(catalogue.rows));
-  Json& summary = (*json)["events"];
-  summary["found"] = catalogue.rows.size();
-  summary["steps_searched"] = catalogue.searched;
-  summary["steps_without"] = catalogue.elastic;
-  summary["relaxations"] = catalogue.relaxations;
-  summary["unconverged"] = catalogue.unconverged;
-  double worst_energy = 0.0, worst_displacement = 0.0;
-  int reversible = 0;
-  for (const EventRow& row : catalogue.rows) {
-    worst_energy = std::max(worst_energy, row.reversal_energy);
-    worst_displacement =
-        std::max(worst_displacement, row.reversal_displacement);
-    reversible += row.reversal_energy < 1e-8 ? 1 : 0;
-  }
-  summary["reversible_branches"] = reversible;
-  summary["worst_reversal_energy"] = worst_energy;
-  std::string text = Format(
-      "\n  events        %zu, in %d of %d steps that were searched (%d "
-      "relaxations%s)%s\n",
-      catalogue.rows.size(),
-      catalogue.searched - catalogue.elastic,
-      catalogue.searched,
-      catalogue.relaxations,
-      catalogue.unconverged > 0
-          ? Format(", %d of them stopped after %lld evaluations",
-                   catalogue.unconverged,
-                   static_cast<long long>(options.solve.max_evaluations))
-                .c_str()
-          : "",
-      catalogue.elastic > 0 ? "; the others only change contacts" : "");
-  if (catalogue.rows.empty()) return text;
-  text += Format(
-      "  reversible    %d of %zu branches that end in one: sheared back their "
-      "energy is the same to 1e-8 (worst %.1e)\n",
-      reversible,
-      catalogue.rows.size(),
-      worst_energy);
+namespace {
 
-  PlasticEvent event;
-  std::string error;
-  if (!LocateEvent(catalogue.largest.packing,
-                   catalogue.largest.strain,
-                   catalogue.largest_to,
-                   options,
-                   solver,
-                   &event,
-                   &error)) {
-    BadInput(error);
-  }
+// Writes the event in full; returns the lines for the terminal.
+std::string PublishLargest(const PlasticEvent& event,
+                           const PlasticEventOptions& options,
+                           Output* output,
+                           Json* json) {
   const Packing& packing = event.before.packing;
   const int d = packing.dimension();
   output->Write("event.xyz", FormatDisplacement(packing, event.displacement));
@@ -274,6 +200,7 @@ std::string PublishEvents(const EventCatalogue& catalogue,
   }
   output->Write("event_branch.csv", csv);
   std::vector<double> energy;
+  std::string error;
   if (!EnergyAlong(event, options, kLandscapePoints, &energy, &error)) {
     BadInput(error);
   }
@@ -289,7 +216,7 @@ std::string PublishEvents(const EventCatalogue& catalogue,
   // Around the grain that moves most, in shells of equal width.
   int centre = 0;
   event.displacement.colwise().squaredNorm().maxCoeff(&centre);
-  Json one;
+  Json& one = *json;
   one["strain"] = event.strain_after;
   one["width"] = std::abs(event.strain_after - event.strain_before);
   one["energy_drop"] = event.energy_drop;
@@ -341,8 +268,7 @@ std::string PublishEvents(const EventCatalogue& catalogue,
         kHarmonics - 1);
   }
   output->Write("event_harmonics.csv", csv);
-  summary["largest"] = one;
-  text += Format(
+  return Format(
       "  largest       at strain %.12f (to %.1e): energy falls by %.3g of "
       "itself, stress by %.3g;\n                %d contacts open, %d close; "
       "participation %.2g\n%s"
@@ -358,6 +284,64 @@ std::string PublishEvents(const EventCatalogue& catalogue,
       harmonics_line.c_str(),
       event.branch.front().lowest_eigenvalue,
       event.branch.back().lowest_eigenvalue);
+}
+
+}  // namespace
+
+std::string PublishEvents(const EventCatalogue& catalogue,
+                          const PlasticEventOptions& options,
+                          const Solver& solver,
+                          Output* output,
+                          Json* json) {
+  output->Write("events.csv", EventsCsv(catalogue.rows));
+  Json& summary = (*json)["events"];
+  summary["found"] = catalogue.rows.size();
+  summary["steps_searched"] = catalogue.searched;
+  summary["steps_without"] = catalogue.elastic;
+  summary["relaxations"] = catalogue.relaxations;
+  summary["unconverged"] = catalogue.unconverged;
+  double worst_energy = 0.0;
+  int reversible = 0;
+  for (const EventRow& row : catalogue.rows) {
+    worst_energy = std::max(worst_energy, row.reversal_energy);
+    reversible += row.reversal_energy < 1e-8 ? 1 : 0;
+  }
+  summary["reversible_branches"] = reversible;
+  summary["worst_reversal_energy"] = worst_energy;
+  std::string text = Format(
+      "\n  events        %zu, in %d of %d steps that were searched (%d "
+      "relaxations%s)%s\n",
+      catalogue.rows.size(),
+      catalogue.searched - catalogue.elastic,
+      catalogue.searched,
+      catalogue.relaxations,
+      catalogue.unconverged > 0
+          ? Format(", %d of them stopped after %lld evaluations",
+                   catalogue.unconverged,
+                   static_cast<long long>(options.solve.max_evaluations))
+                .c_str()
+          : "",
+      catalogue.elastic > 0 ? "; the others only change contacts" : "");
+  if (catalogue.rows.empty()) return text;
+  text += Format(
+      "  reversible    %d of %zu branches that end in one: sheared back their "
+      "energy is the same to 1e-8 (worst %.1e)\n",
+      reversible,
+      catalogue.rows.size(),
+      worst_energy);
+
+  PlasticEvent event;
+  std::string error;
+  if (!LocateEvent(catalogue.largest.packing,
+                   catalogue.largest.strain,
+                   catalogue.largest_to,
+                   options,
+                   solver,
+                   &event,
+                   &error)) {
+    BadInput(error);
+  }
+  text += PublishLargest(event, options, output, &summary["largest"]);
   output->Plot({"event", output->folder(), output->Path("event")},
                {"event.svg", "event.png"});
   if (catalogue.rows.size() > 3) {

@@ -40,9 +40,7 @@ Json ToJson(const EventCatalogue& catalogue);
 // Throws Json::exception if `json` is not of that form.
 EventCatalogue EventCatalogueOf(const Json& json);
 
-// strain_before,strain_after,energy,energy_drop,stress_drop,pressure_drop,
-// participation,contacts_opened,contacts_closed,reversal_energy,
-// reversal_displacement,relaxations,m0,m1,m2,m3,m4
+// A column a member, in their order.
 std::string EventsCsv(const std::vector<EventRow>& rows);
 // False with one line in `error`.
 bool ParseEvents(const std::string& csv,
@@ -50,8 +48,8 @@ bool ParseEvents(const std::string& csv,
                  std::string* error);
 
 // Locates the events of the step from `before` to strain `to`, one after the
-// other, down to energies of a tenth of `threshold`
-// of its energy. False with one line in `error`.
+// other, down to drops of a tenth of `threshold` of the energy. False with one
+// line in `error`.
 bool NoteEvents(const QuasistaticShearState& before,
                 double to,
                 double threshold,

@@ -10,17 +10,12 @@
 #include "experiments/checkpoint.h"
 #include "experiments/run.h"
 #include "experiments/tabular.h"
-#include "granular/packing_io.h"
-#include "granular/stress_shear.h"
 
 DECLARE_bool(resume);
 
 namespace granopt {
 namespace {
 
-// A step without a state is halved so often: the yield stress to 1/64 of a
-// step.
-constexpr int kHalvings = 6;
 // The most of a minimization, which may have no minimum to find.
 constexpr std::int64_t kEvaluations = 100000;
 
@@ -51,17 +46,36 @@ std::vector<double> RowOf(const QuasistaticShearState& state,
           o.coordination};
 }
 
+// At most ten rows, and the last one.
+void PrintRows(const std::vector<std::vector<double>>& rows) {
+  std::vector<std::vector<std::string>> table = {
+      {"shear stress", "strain", "pressure", "phi", "z"}};
+  const std::size_t every = std::max<std::size_t>(1, rows.size() / 10);
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    if (k % every != 0 && k + 1 != rows.size()) continue;
+    const std::vector<double>& row = rows[k];
+    table.push_back({Format("%.5e",
+                            std::abs(row[kShearStress]) < 1e-12 * row[kPressure]
+                                ? 0.0
+                                : row[kShearStress]),
+                     Format("%.5e", row[kStrain]),
+                     Format("%.5e", row[kPressure]),
+                     Format("%.8f", row[kPhi]),
+                     Format("%.4f", row[kZ])});
+  }
+  std::printf("\n%s", Grid(table, 0, false).c_str());
+}
+
 }  // namespace
 
-int RunStressShear(Scene scene, double stress, int steps, double pressure) {
+int RunStressShear(const Scene& scene,
+                   const StressPath& path,
+                   double pressure) {
   StressShearOptions options;
   options.energy = scene.energy;
   options.solve = MakeSolveOptions();
+  options.solve.max_evaluations = kEvaluations;
   options.pressure = pressure;
-  if (options.solve.max_evaluations <= 0 ||
-      options.solve.max_evaluations > kEvaluations) {
-    options.solve.max_evaluations = kEvaluations;
-  }
   std::printf(
       "shear     %s (%s), alpha = %g, phi = %.6f\n"
       "          simple shear by stress, to %g in %d steps, at constant %s\n"
@@ -70,162 +84,89 @@ int RunStressShear(Scene scene, double stress, int steps, double pressure) {
       scene.origin.c_str(),
       scene.energy.alpha,
       scene.packing.PackingFraction(),
-      stress,
-      steps,
+      path.stress,
+      path.steps,
       pressure > 0.0 ? Format("pressure %g", pressure).c_str() : "volume",
       options.solve.relative_tolerance,
       scene.solver->name().c_str());
-  const Checkpoint checkpoint(
-      CheckpointPath(),
-      {{"packing", Crc32(FormatPacking(scene.packing))},
-       {"alpha", scene.energy.alpha},
-       {"solver", scene.solver->name()},
-       {"tolerance", options.solve.relative_tolerance},
-       {"mode", "stress"},
-       {"shear_stress", stress},
-       {"stress_steps", steps},
-       {"pressure", pressure},
-       {"precision", PrecisionName(scene.energy.precision)}});
-
-  // Where the run stands. The next stress is reached + width; no state was
-  // found at `refused`, if above `reached`.
-  QuasistaticShearState state;
+  Json setup = SceneSetup(scene, options.solve);
+  setup.update({{"mode", "stress"},
+                {"shear_stress", path.stress},
+                {"stress_steps", path.steps},
+                {"pressure", pressure}});
+  const Checkpoint checkpoint(CheckpointPath(), setup);
+  StressShearState state;
+  state.shear.packing = scene.packing;
   std::vector<std::vector<double>> rows;
-  double reached = 0.0, refused = 0.0;
-  std::string why;
-  int halvings = 0;
-  bool begun = false;
-  Json written;
-  if (FLAGS_resume && Resume(checkpoint, &written)) {
-    try {
-      state = ShearStateOf(written.at("state"));
-      written.at("rows").get_to(rows);
-      written.at("reached").get_to(reached);
-      written.at("refused").get_to(refused);
-      written.at("halvings").get_to(halvings);
-      written.at("why").get_to(why);
-      begun = true;
-    } catch (const Json::exception& exception) {
-      RefuseState(checkpoint, exception);
-    }
-    std::printf("          resumed at shear stress %g\n", reached);
+  if (FLAGS_resume && Resume(checkpoint, [&](const Json& json) {
+        state = StressShearStateOf(json.at("state"));
+        json.at("rows").get_to(rows);
+      })) {
+    std::printf("          resumed at shear stress %g\n", state.reached);
   }
   std::fflush(stdout);
-  const std::vector<std::string> kept = CheckpointFiles();
-  std::vector<std::string> names = {"summary.json",
-                                    "stress.csv",
-                                    "packing.xyz",
-                                    "contacts.csv",
-                                    "stress.svg",
-                                    "stress.png",
-                                    "packing.svg",
-                                    "packing.png"};
-  if (!FLAGS_resume) names.insert(names.end(), kept.begin(), kept.end());
   Output output;
-  output.Create(FLAGS_out, names, kept);
-  CatchStopSignals();
+  CreateOutput({"summary.json",
+                "stress.csv",
+                "packing.xyz",
+                "contacts.csv",
+                "stress.svg",
+                "stress.png",
+                "packing.svg",
+                "packing.png"},
+               FLAGS_resume,
+               &output);
 
-  std::string error, fault;
+  std::string error;
   Relaxation last;
-  bool stopped = false;
+  bool finished;
   {
     Progress progress;
     options.solve.callback = [&](const IterationState& now) {
       if (progress.Due()) {
-        progress.Show(Format("after shear stress %g | iteration %lld",
-                             reached,
-                             static_cast<long long>(now.counters.iterations)));
+        progress.Show(Format("after shear stress %g | ", state.reached) +
+                      IterationLine(now));
       }
       return true;
     };
-    const auto step_to = [&](double target) {
-      bool found = false;
-      Relaxation next;
-      if (!StepToShearStress(
-              target, options, *scene.solver, &state, &next, &found, &error)) {
-        BadInput(error);
-      }
-      if (found) {
-        rows.push_back(RowOf(state, next));
-        last = std::move(next);
-      } else {
-        why = next.summary.message;
-      }
-      return found;
-    };
-    if (!begun) {
-      // First at no shear stress: there strains are counted from.
-      Relaxation start;
-      if (!Relax(scene.packing,
-                 scene.energy,
-                 *scene.solver,
-                 options.solve,
-                 &start,
-                 &error)) {
-        BadInput(error);
-      }
-      state.packing = start.packing;
-      state.step = -1;
-      if (!step_to(0.0)) {
-        BadInput("no state without shear stress was found: " + why +
-                 (pressure > 0.0 ? "" : "; is the packing jammed?"));
-      }
-      state.strain = 0.0;
-      rows.back()[kStrain] = 0.0;
-    }
-    while (halvings <= kHalvings && !stopped) {
-      // Exactly those of the steps where nothing yields.
-      const double target = halvings == 0 ? stress * (state.step + 1) / steps
-                                          : 0.5 * (reached + refused);
-      if (halvings == 0 && state.step == steps) break;
-      if (step_to(target)) {
-        reached = target;
-        halvings += halvings > 0 ? 1 : 0;
-      } else {
-        refused = target;
-        ++halvings;
-      }
-      if (!checkpoint.Write({{"state", ToJson(state)},
-                             {"rows", rows},
-                             {"reached", reached},
-                             {"refused", refused},
-                             {"halvings", halvings},
-                             {"why", why}},
-                            &fault)) {
-        BadInput(fault);
-      }
-      stopped = StopRequested();
-    }
+    finished = ShearByStress(
+        path,
+        options,
+        *scene.solver,
+        [&](const StressShearState& now, const Relaxation* found) {
+          if (found != nullptr) rows.push_back(RowOf(now.shear, *found));
+          const bool stop = StopRequested();
+          if (stop || IsCheckpointStep(rows.size())) {
+            Save(checkpoint, {{"state", ToJson(now)}, {"rows", rows}});
+          }
+          return !stop;
+        },
+        &state,
+        &last,
+        &error);
   }
-  if (stopped) {
-    std::printf(
-        "\nstopped as asked, at shear stress %g: the same command with "
-        "--resume goes on\n",
-        reached);
-    return kNotConverged;
+  if (!finished && !StopRequested()) BadInput(error);
+  if (!finished) {
+    return StoppedAsAsked(Format("at shear stress %g", state.reached));
   }
-  const bool yields = halvings > 0;
-  if (last.packing.size() == 0 &&
-      !MeasureAsItIs(state.packing, scene.energy, &last, &error)) {
-    BadInput(error);
-  }
+  const bool yields = state.halvings > 0;
 
   Json json;
   json["converged"] = true;
   json["mode"] = "stress";
-  json["asked"] = stress;
-  json["steps"] = steps;
+  json["asked"] = path.stress;
+  json["steps"] = path.steps;
   json["pressure"] = pressure;
-  json["reached"] = reached;
+  json["reached"] = state.reached;
   json["yields"] = yields;
   if (yields) {
-    json["refused"] = refused;
-    json["why"] = why;
+    json["refused"] = state.refused;
+    json["why"] = state.why;
   }
-  json["strain"] = state.strain;
-  json["relaxations"] = state.relaxations;
-  json["evaluations"] = state.counters.evaluations;
-  json["seconds"] = state.seconds;
+  json["strain"] = state.shear.strain;
+  json["relaxations"] = state.shear.relaxations;
+  json["evaluations"] = state.shear.counters.evaluations;
+  json["seconds"] = state.shear.seconds;
   json["solver"] = scene.solver->name();
   json["alpha"] = scene.energy.alpha;
   json["dimension"] = scene.packing.dimension();
@@ -235,54 +176,35 @@ int RunStressShear(Scene scene, double stress, int steps, double pressure) {
   json["provenance"] = Provenance();
   output.Write("stress.csv",
                NumbersCsv({std::begin(kColumns), std::end(kColumns)}, rows));
-  output.WritePacking("packing.xyz", Annotated(last, scene.energy));
-  output.Write("contacts.csv", ContactsCsv(last));
+  output.WriteRelaxation(last, scene.energy);
   output.WriteJson("summary.json", json);
-  output.Plot({"stress",
-               output.Path("stress.csv"),
-               output.Path("stress"),
-               yields ? Format("--yields=%.17g", 0.5 * (reached + refused))
-                      : std::string("--yields=0")},
-              {"stress.svg", "stress.png"});
-  output.Plot({"packing",
-               output.Path("packing.xyz"),
-               output.Path("contacts.csv"),
-               output.Path("packing")},
-              {"packing.svg", "packing.png"});
+  output.Plot(
+      {"stress",
+       output.Path("stress.csv"),
+       output.Path("stress"),
+       yields ? Format("--yields=%.17g", 0.5 * (state.reached + state.refused))
+              : std::string("--yields=0")},
+      {"stress.svg", "stress.png"});
+  output.PlotPacking();
 
-  std::printf(
-      "\n   shear stress       strain     pressure          phi       z\n");
-  const std::size_t every = std::max<std::size_t>(1, rows.size() / 10);
-  for (std::size_t k = 0; k < rows.size(); ++k) {
-    if (k % every != 0 && k + 1 != rows.size()) continue;
-    const std::vector<double>& row = rows[k];
-    std::printf("   %12.5e %12.5e %12.5e %12.8f %7.4f\n",
-                std::abs(row[kShearStress]) < 1e-12 * row[kPressure]
-                    ? 0.0
-                    : row[kShearStress],
-                row[kStrain],
-                row[kPressure],
-                row[kPhi],
-                row[kZ]);
-  }
+  PrintRows(rows);
   if (yields) {
     std::printf(
         "\n  yields        between shear stresses %.6g and %.6g, at %.4f of "
-        "its "
-        "pressure: no state was found above\n                (%s)\n",
-        reached,
-        refused,
-        reached / rows.back()[kPressure],
-        why.c_str());
+        "its pressure: no state was found above\n                (%s)\n",
+        state.reached,
+        state.refused,
+        state.reached / rows.back()[kPressure],
+        state.why.c_str());
   } else {
     std::printf("\n  holds         the shear stress %g, at strain %g\n",
-                stress,
-                state.strain);
+                path.stress,
+                state.shear.strain);
   }
   std::printf("  work          %d relaxations, %lld evaluations, %.3g s\n",
-              state.relaxations,
-              static_cast<long long>(state.counters.evaluations),
-              state.seconds);
+              state.shear.relaxations,
+              static_cast<long long>(state.shear.counters.evaluations),
+              state.shear.seconds);
   output.PrintFiles();
   return kConverged;
 }

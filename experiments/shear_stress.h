@@ -4,13 +4,13 @@
 #define GRANOPT_EXPERIMENTS_SHEAR_STRESS_H_
 
 #include "experiments/scene.h"
+#include "granular/stress_shear.h"
 
 namespace granopt {
 
-// Relaxes the packing, at no shear stress and (if positive) at `pressure`, then
-// raises the shear stress in `steps` equal steps to `stress`; where no state is
-// found the last step is bisected: there it yields. Returns the exit status.
-int RunStressShear(Scene scene, double stress, int steps, double pressure);
+// ShearByStress() of the packing, at `pressure` if that is positive. Returns
+// the exit status.
+int RunStressShear(const Scene& scene, const StressPath& path, double pressure);
 
 }  // namespace granopt
 

@@ -8,7 +8,6 @@
 #include "experiments/checkpoint.h"
 #include "experiments/run.h"
 #include "experiments/tabular.h"
-#include "granular/packing_io.h"
 #include "granular/walls.h"
 
 DECLARE_bool(resume);
@@ -41,21 +40,53 @@ constexpr const char* kColumns[] = {"step",
 constexpr int kShearStress = 2, kNormalStress = 3, kWork = 5, kDissipated = 6,
               kImbalance = 7;
 
-}  // namespace
-
-std::vector<std::string> WallFiles() {
-  return {"summary.json",
-          "walls.csv",
-          "profile.csv",
-          "packing.xyz",
-          "contacts.csv",
-          "walls.svg",
-          "walls.png",
-          "packing.svg",
-          "packing.png"};
+std::vector<double> RowOf(const WallShearStep& step) {
+  const Observables& o = step.result->observables;
+  const Counters& c = step.result->summary.counters;
+  return {static_cast<double>(step.step),
+          step.strain,
+          step.shear_stress,
+          step.normal_stress,
+          o.energy,
+          step.work,
+          step.dissipated,
+          step.imbalance,
+          o.stress_parts.isotropic,
+          o.stress_parts.deviatoric,
+          o.fabric_parts.isotropic,
+          o.fabric_parts.deviatoric,
+          static_cast<double>(o.contacts),
+          static_cast<double>(c.iterations),
+          static_cast<double>(c.evaluations)};
 }
 
-int RunWallShear(Scene scene,
+// Displacement of free grains over that of the wall, in slices of the height.
+std::string ProfileCsv(const Walls& walls,
+                       const std::vector<double>& height,
+                       const std::vector<double>& moved,
+                       double wall_move) {
+  std::string csv = "height,displacement,grains\n";
+  for (int bin = 0; bin < kBins && wall_move != 0.0; ++bin) {
+    double sum = 0.0;
+    int count = 0;
+    for (std::size_t i = 0; i < height.size(); ++i) {
+      const double y = (height[i] - walls.lower) / walls.Height();
+      if (walls.side[i] != 0 || y < static_cast<double>(bin) / kBins ||
+          y >= (bin + 1.0) / kBins) {
+        continue;
+      }
+      sum += moved[i] / wall_move;
+      ++count;
+    }
+    if (count == 0) continue;
+    csv += Format("%.6g,%.9g,%d\n", (bin + 0.5) / kBins, sum / count, count);
+  }
+  return csv;
+}
+
+}  // namespace
+
+int RunWallShear(const Scene& scene,
                  const std::string& kind,
                  const std::vector<double>& path) {
   const SolveOptions solve = MakeSolveOptions();
@@ -97,16 +128,9 @@ int RunWallShear(Scene scene,
   options.energy = scene.energy;
   options.solve = solve;
   options.path = path;
-  const Checkpoint checkpoint(
-      CheckpointPath(),
-      {{"packing", Crc32(FormatPacking(scene.packing))},
-       {"alpha", scene.energy.alpha},
-       {"solver", scene.solver->name()},
-       {"tolerance", solve.relative_tolerance},
-       {"mode", "wall"},
-       {"wall", kind},
-       {"path", path},
-       {"precision", PrecisionName(scene.energy.precision)}});
+  Json setup = SceneSetup(scene, solve);
+  setup.update({{"mode", "wall"}, {"wall", kind}, {"path", path}});
+  const Checkpoint checkpoint(CheckpointPath(), setup);
   QuasistaticShearState state;
   state.step = -1;
   state.packing = packing;
@@ -114,24 +138,26 @@ int RunWallShear(Scene scene,
   // in the first one.
   std::vector<std::vector<double>> rows;
   std::vector<double> moved(packing.size(), 0.0), height(packing.size(), 0.0);
-  Json written;
-  if (FLAGS_resume && Resume(checkpoint, &written)) {
-    try {
-      state = ShearStateOf(written.at("state"));
-      written.at("rows").get_to(rows);
-      written.at("moved").get_to(moved);
-      written.at("height").get_to(height);
-    } catch (const Json::exception& exception) {
-      RefuseState(checkpoint, exception);
-    }
+  if (FLAGS_resume && Resume(checkpoint, [&](const Json& json) {
+        state = ShearStateOf(json.at("state"));
+        json.at("rows").get_to(rows);
+        json.at("moved").get_to(moved);
+        json.at("height").get_to(height);
+      })) {
     std::printf("          resumed at strain %g\n", state.strain);
   }
   Output output;
-  const std::vector<std::string> kept = CheckpointFiles();
-  std::vector<std::string> names = WallFiles();
-  if (!FLAGS_resume) names.insert(names.end(), kept.begin(), kept.end());
-  output.Create(FLAGS_out, names, kept);
-  CatchStopSignals();
+  CreateOutput({"summary.json",
+                "walls.csv",
+                "profile.csv",
+                "packing.xyz",
+                "contacts.csv",
+                "walls.svg",
+                "walls.png",
+                "packing.svg",
+                "packing.png"},
+               FLAGS_resume,
+               &output);
   std::fflush(stdout);
 
   Relaxation last;
@@ -144,23 +170,7 @@ int RunWallShear(Scene scene,
         options,
         *scene.solver,
         [&](const WallShearStep& step) {
-          const Observables& o = step.result->observables;
-          const Counters& c = step.result->summary.counters;
-          rows.push_back({static_cast<double>(step.step),
-                          step.strain,
-                          step.shear_stress,
-                          step.normal_stress,
-                          o.energy,
-                          step.work,
-                          step.dissipated,
-                          step.imbalance,
-                          o.stress_parts.isotropic,
-                          o.stress_parts.deviatoric,
-                          o.fabric_parts.isotropic,
-                          o.fabric_parts.deviatoric,
-                          static_cast<double>(o.contacts),
-                          static_cast<double>(c.iterations),
-                          static_cast<double>(c.evaluations)});
+          rows.push_back(RowOf(step));
           const Packing& now = step.result->packing;
           for (int i = 0; i < now.size(); ++i) {
             if (step.step == 0) {
@@ -176,28 +186,22 @@ int RunWallShear(Scene scene,
           }
           // A resumed run does the last one again: there its results come from.
           if (step.step == static_cast<int>(path.size())) return true;
-          std::string fault;
-          if (!checkpoint.Write({{"state", ToJson(*step.state)},
-                                 {"rows", rows},
-                                 {"moved", moved},
-                                 {"height", height}},
-                                &fault)) {
-            BadInput(fault);
+          const bool stop = StopRequested();
+          if (stop || IsCheckpointStep(rows.size())) {
+            Save(checkpoint,
+                 {{"state", ToJson(*step.state)},
+                  {"rows", rows},
+                  {"moved", moved},
+                  {"height", height}});
           }
-          return !StopRequested();
+          return !stop;
         },
         &state,
         &last,
         &error);
   }
   if (!finished && !StopRequested()) BadInput(error);
-  if (!finished) {
-    std::printf(
-        "\nstopped as asked, at strain %g: the same command with --resume "
-        "goes on\n",
-        state.strain);
-    return kNotConverged;
-  }
+  if (!finished) return StoppedAsAsked(Format("at strain %g", state.strain));
   double most = 0.0, worst_imbalance = 0.0, work = 0.0, dissipated = 0.0;
   for (const std::vector<double>& row : rows) {
     most = std::max(most, std::abs(row[kShearStress]));
@@ -209,25 +213,6 @@ int RunWallShear(Scene scene,
   const double last_shear = rows.back()[kShearStress];
   const double normal = rows.back()[kNormalStress];
 
-  // Displacement over that of the wall, in slices of the height.
-  std::string profile = "height,displacement,grains\n";
-  const double wall_move = state.strain * walls.Height();
-  for (int bin = 0; bin < kBins && wall_move != 0.0; ++bin) {
-    double sum = 0.0;
-    int count = 0;
-    for (int i = 0; i < packing.size(); ++i) {
-      const double y = (height[i] - walls.lower) / walls.Height();
-      if (walls.side[i] != 0 || y < static_cast<double>(bin) / kBins ||
-          y >= (bin + 1.0) / kBins) {
-        continue;
-      }
-      sum += moved[i] / wall_move;
-      ++count;
-    }
-    if (count == 0) continue;
-    profile +=
-        Format("%.6g,%.9g,%d\n", (bin + 0.5) / kBins, sum / count, count);
-  }
   Json json;
   json["converged"] = state.gave_up == 0;
   json["mode"] = "wall";
@@ -254,17 +239,13 @@ int RunWallShear(Scene scene,
   json["provenance"] = Provenance();
   output.Write("walls.csv",
                NumbersCsv({std::begin(kColumns), std::end(kColumns)}, rows));
-  output.Write("profile.csv", profile);
-  output.WritePacking("packing.xyz", Annotated(last, scene.energy));
-  output.Write("contacts.csv", ContactsCsv(last));
+  output.Write("profile.csv",
+               ProfileCsv(walls, height, moved, state.strain * walls.Height()));
+  output.WriteRelaxation(last, scene.energy);
   output.WriteJson("summary.json", json);
   output.Plot({"walls", output.folder(), output.Path("walls")},
               {"walls.svg", "walls.png"});
-  output.Plot({"packing",
-               output.Path("packing.xyz"),
-               output.Path("contacts.csv"),
-               output.Path("packing")},
-              {"packing.svg", "packing.png"});
+  output.PlotPacking();
   std::printf(
       "\n  wall stress   shear %.4e at first, %.4e at the end, %.4e at most; "
       "normal %.4e at the end\n"

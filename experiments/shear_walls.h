@@ -10,11 +10,9 @@
 
 namespace granopt {
 
-std::vector<std::string> WallFiles();
-
 // Relaxes the packing, gives it walls ("rough" or "flat") and moves the upper
 // one through `path`. Returns the exit status.
-int RunWallShear(Scene scene,
+int RunWallShear(const Scene& scene,
                  const std::string& kind,
                  const std::vector<double>& path);
 

@@ -480,10 +480,7 @@ std::vector<Setting> MakeSettings() {
     BadInput("--solvers: " + error);
   }
   std::vector<Precision> precisions;
-  std::string rest = FLAGS_precisions + ",";
-  while (!rest.empty()) {
-    const std::string name = rest.substr(0, rest.find(','));
-    rest = rest.substr(rest.find(',') + 1);
+  for (const std::string& name : Split(FLAGS_precisions, ',')) {
     bool known = false;
     for (const Precision p :
          {Precision::DOUBLE, Precision::MIXED, Precision::FLOAT}) {
@@ -520,8 +517,9 @@ int ObservableOf(const std::string& name) {
   BadInput("--observable=" + name + " is none of " + known);
 }
 
-int Main() {
-  if (FLAGS_flow) return FlowTradeoff();
+// Which observable of --recommend is wanted; BadInput for flags that make no
+// sense.
+int CheckFlags() {
   RefuseFlowFlags();
   CheckPositive("accuracy", FLAGS_accuracy);
   CheckRange("accuracy", FLAGS_accuracy, 0.0, 1.0);
@@ -547,7 +545,223 @@ int Main() {
     if (!IsGiven("repetitions")) FLAGS_repetitions = 1;
     if (!IsGiven("seeds")) FLAGS_seeds = "1";
   }
-  std::vector<Setting> settings = MakeSettings();
+  return wanted;
+}
+
+struct Scenarios {
+  std::vector<Scenario> scenes;
+  std::vector<Scenario> above_jamming;  // for phi_J
+};
+
+// The input under its load, or two scenes for each seed.
+Scenarios MakeScenarios(const Scene& scene,
+                        const std::vector<std::uint64_t>& seeds,
+                        const std::vector<Case>& cases,
+                        Output* output) {
+  Scenarios all;
+  std::string error;
+  if (!FLAGS_input.empty()) {
+    Scenario scenario;
+    scenario.name = FLAGS_case.empty() ? "user" : FLAGS_case;
+    scenario.seed = FLAGS_seed;
+    scenario.start = scene.packing;
+    if (!cases.empty()) {
+      ApplyLoad(LoadOf(cases[0]), FLAGS_seed, &scenario.start);
+      Scene loaded;
+      loaded.packing = scenario.start;
+      loaded.energy = scene.energy;
+      loaded.origin = scene.origin + ", " + FLAGS_case;
+      CheckScene(loaded);
+    }
+    all.scenes.push_back(scenario);
+  } else {
+    const std::unique_ptr<Solver> prepare =
+        MakeSolver("solver", kDefaultSolver);
+    Preparation preparation(scene, *prepare, FLAGS_phi, output);
+    for (const std::uint64_t seed : seeds) {
+      std::vector<Packing> states;
+      if (!preparation.NearJamming(seed, {1e-5, 1e-2}, &states, &error)) {
+        BadInput(error);
+      }
+      const char* const names[] = {"near jamming", "over-jammed"};
+      const double distances[] = {1e-5, 1e-2};
+      for (int k = 0; k < 2; ++k) {
+        Scenario scenario;
+        scenario.name = names[k];
+        scenario.seed = seed;
+        scenario.start = states[k];
+        scenario.start.Deform(
+            SimpleShear(scene.packing.dimension(), 0.03 * distances[k]));
+        all.scenes.push_back(scenario);
+      }
+      Scenario above;
+      above.name = "phi_J";
+      above.seed = seed;
+      above.start = states[1];
+      all.above_jamming.push_back(above);
+    }
+    preparation.ClearProgress();
+  }
+  return all;
+}
+
+std::string JammingCsv(const std::vector<JammingRow>& rows) {
+  std::string csv = "seed,solver,tolerance,error_bar,error,cpu_seconds\n";
+  for (const JammingRow& row : rows) {
+    csv += Format("%llu,", static_cast<unsigned long long>(row.seed)) +
+           Field(row.method) +
+           Format(",%g,%.4g,%.4g,%.6g\n",
+                  row.tolerance,
+                  row.error_bar,
+                  row.error,
+                  row.seconds);
+  }
+  return csv;
+}
+
+// How far apart the minima are that the runs on a packing ended in; a line a
+// scene is added to `text`.
+Json MinimaJson(
+    const std::vector<std::string>& names,
+    const std::map<std::string, std::vector<std::vector<End>>>& ends,
+    std::string* text) {
+  Json json = Json::object();
+  for (const std::string& name : names) {
+    int packings = 0, several = 0;
+    double widest = 0.0;
+    for (const std::vector<End>& of_packing : ends.at(name)) {
+      ++packings;
+      double low = kInfinity, high = 0.0, p_low = kInfinity, p_high = 0.0;
+      for (const End& end : of_packing) {
+        low = std::min(low, end.energy);
+        high = std::max(high, end.energy);
+        p_low = std::min(p_low, end.pressure);
+        p_high = std::max(p_high, end.pressure);
+      }
+      if (high - low > 1e-9 * high) {
+        ++several;
+        widest = std::max(widest, (p_high - p_low) / p_high);
+      }
+    }
+    *text += Format("  %s: ", name.c_str());
+    *text += several == 0
+                 ? std::string("all methods end in the same minimum\n")
+                 : Format(
+                       "methods end in different minima on %d of %d "
+                       "packings, whose pressures differ by up to %.1e: no "
+                       "tolerance removes that\n",
+                       several,
+                       packings,
+                       widest);
+    json[name] = {{"packings", packings},
+                  {"with_several_minima", several},
+                  {"pressures_differ_by", widest}};
+  }
+  return json;
+}
+
+// The cheapest setting of each scene, observable and accuracy.
+std::vector<std::vector<std::string>> Recommendations(
+    const std::vector<Row>& rows,
+    const std::vector<std::string>& names,
+    Json* json) {
+  const std::vector<double> accuracies = {1e-2, 1e-4, 1e-6, 1e-8, 1e-10};
+  std::vector<std::vector<std::string>> table = {{"scene", "error of"}};
+  for (const double accuracy : accuracies) {
+    table[0].push_back("<= " + Neat(accuracy));
+  }
+  for (const std::string& name : names) {
+    for (int o = 0; o < kNumObservables; ++o) {
+      table.push_back({name, kObservables[o].name});
+      for (const double accuracy : accuracies) {
+        const std::vector<Best> ranking = Ranking(rows, name, o, accuracy);
+        if (ranking.empty()) {
+          table.back().push_back("-");
+          continue;
+        }
+        const Best& best = ranking[0];
+        table.back().push_back(
+            best.row->method +
+            (best.row->precision == "double" ? "" : " " + best.row->precision) +
+            " " + Neat(best.row->tolerance) +
+            Format(": %.3g", 1e3 * best.seconds));
+        json->push_back({{"scene", name},
+                         {"observable", kObservables[o].name},
+                         {"accuracy", accuracy},
+                         {"flags", FlagsOf(*best.row)},
+                         {"cpu_seconds", best.seconds},
+                         {"error", best.error}});
+      }
+    }
+  }
+  return table;
+}
+
+// For --recommend; returns the exit status.
+int PrintRecommended(const std::vector<Row>& rows,
+                     const std::vector<std::string>& names,
+                     int wanted,
+                     Json* json) {
+  int status = kConverged;
+  for (const std::string& name : names) {
+    const std::vector<Best> ranking =
+        Ranking(rows, name, wanted, FLAGS_accuracy);
+    std::printf("\n%s, error of %s at most %g (%s)\n",
+                name.c_str(),
+                FLAGS_observable.c_str(),
+                FLAGS_accuracy,
+                kObservables[wanted].what);
+    if (ranking.empty()) {
+      std::printf("  no setting reaches it\n");
+      status = kNotConverged;
+      continue;
+    }
+    if (name == names[0]) {
+      (*json)["recommended"] = FlagsOf(*ranking[0].row);
+    }
+    std::printf("  use  %s\n\n", FlagsOf(*ranking[0].row).c_str());
+    std::vector<std::vector<std::string>> evidence = {
+        {"measured", "CPU ms", "ratio", "error"}};
+    for (const Best& best : ranking) {
+      evidence.push_back({FlagsOf(*best.row),
+                          Format("%.3g", 1e3 * best.seconds),
+                          Format("%.2f", best.seconds / ranking[0].seconds),
+                          Format("%.1e", best.error)});
+    }
+    std::fputs(Grid(evidence, 0, false).c_str(), stdout);
+  }
+  return status;
+}
+
+void PrintTable(const std::vector<std::vector<std::string>>& table,
+                const std::vector<Setting>& settings) {
+  std::printf("\nfor this accuracy use this: method, --tolerance: CPU ms\n%s",
+              Grid(table, 0, false, 2).c_str());
+  for (const Setting& setting : settings) {
+    if (setting.method.label == setting.method.spec ||
+        setting.precision != Precision::DOUBLE) {
+      continue;
+    }
+    std::printf("  %s is --solver=%s\n",
+                setting.method.label.c_str(),
+                setting.method.spec.c_str());
+  }
+  std::printf(
+      "  times: medians over packings and repetitions; errors: the largest "
+      "over packings, against the minimum that the run\n  ends in: ");
+  for (int o = 0; o < kNumObservables; ++o) {
+    std::printf("%s%s %s",
+                o == 0 ? "" : "; ",
+                kObservables[o].name,
+                kObservables[o].what);
+  }
+  std::printf("\n");
+}
+
+int Main() {
+  if (FLAGS_flow) return FlowTradeoff();
+  const int wanted = CheckFlags();
+  const std::vector<Setting> settings = MakeSettings();
   std::vector<std::uint64_t> seeds;
   std::vector<Case> cases;
   std::string error;
@@ -582,57 +796,13 @@ int Main() {
                  "phi_j.svg",
                  "phi_j.png"});
 
-  // The scenes.
-  std::vector<Scenario> scenarios, jamming_scenarios;
-  if (!FLAGS_input.empty()) {
-    Scenario scenario;
-    scenario.name = FLAGS_case.empty() ? "user" : FLAGS_case;
-    scenario.seed = FLAGS_seed;
-    scenario.start = scene.packing;
-    if (!cases.empty()) {
-      ApplyLoad(LoadOf(cases[0]), FLAGS_seed, &scenario.start);
-      Scene loaded;
-      loaded.packing = scenario.start;
-      loaded.energy = scene.energy;
-      loaded.origin = scene.origin + ", " + FLAGS_case;
-      CheckScene(loaded);
-    }
-    scenarios.push_back(scenario);
-  } else {
-    const std::unique_ptr<Solver> prepare =
-        MakeSolver("solver", kDefaultSolver);
-    Preparation preparation(scene, *prepare, FLAGS_phi, &output);
-    for (const std::uint64_t seed : seeds) {
-      std::vector<Packing> states;
-      if (!preparation.NearJamming(seed, {1e-5, 1e-2}, &states, &error)) {
-        BadInput(error);
-      }
-      const char* const names[] = {"near jamming", "over-jammed"};
-      const double distances[] = {1e-5, 1e-2};
-      for (int k = 0; k < 2; ++k) {
-        Scenario scenario;
-        scenario.name = names[k];
-        scenario.seed = seed;
-        scenario.start = states[k];
-        scenario.start.Deform(
-            SimpleShear(scene.packing.dimension(), 0.03 * distances[k]));
-        scenarios.push_back(scenario);
-      }
-      Scenario above;
-      above.name = "phi_J";
-      above.seed = seed;
-      above.start = states[1];
-      jamming_scenarios.push_back(above);
-    }
-    preparation.ClearProgress();
-  }
-
+  const Scenarios all = MakeScenarios(scene, seeds, cases, &output);
   std::vector<Row> rows;
   std::map<std::string, std::vector<std::vector<End>>> ends;
   std::vector<JammingRow> jamming;
   {
     Progress progress;
-    for (const Scenario& scenario : scenarios) {
+    for (const Scenario& scenario : all.scenes) {
       std::vector<End> of_scenario;
       RunScenario(scenario,
                   scene.energy,
@@ -644,7 +814,7 @@ int Main() {
       ends[scenario.name].push_back(of_scenario);
     }
     if (!FLAGS_recommend) {
-      for (const Scenario& scenario : jamming_scenarios) {
+      for (const Scenario& scenario : all.above_jamming) {
         for (const Setting& setting : settings) {
           if (setting.precision != Precision::DOUBLE) continue;
           for (const double tolerance : {1e-4, 1e-8}) {
@@ -665,128 +835,30 @@ int Main() {
 
   output.Write("tradeoff.csv", RowsCsv(rows));
   if (!jamming.empty()) {
-    std::string csv = "seed,solver,tolerance,error_bar,error,cpu_seconds\n";
-    for (const JammingRow& row : jamming) {
-      csv += Format("%llu,", static_cast<unsigned long long>(row.seed)) +
-             Field(row.method) +
-             Format(",%g,%.4g,%.4g,%.6g\n",
-                    row.tolerance,
-                    row.error_bar,
-                    row.error,
-                    row.seconds);
-    }
-    output.Write("jamming.csv", csv);
+    output.Write("jamming.csv", JammingCsv(jamming));
   }
   std::vector<std::string> names;
-  for (const Scenario& scenario : scenarios) {
+  for (const Scenario& scenario : all.scenes) {
     if (std::find(names.begin(), names.end(), scenario.name) == names.end()) {
       names.push_back(scenario.name);
     }
   }
 
-  // How far apart the minima are.
-  std::string minima;
-  Json minima_json = Json::object();
-  for (const std::string& name : names) {
-    int packings = 0, several = 0;
-    double widest = 0.0;
-    for (const std::vector<End>& of_packing : ends[name]) {
-      ++packings;
-      double low = kInfinity, high = 0.0, p_low = kInfinity, p_high = 0.0;
-      for (const End& end : of_packing) {
-        low = std::min(low, end.energy);
-        high = std::max(high, end.energy);
-        p_low = std::min(p_low, end.pressure);
-        p_high = std::max(p_high, end.pressure);
-      }
-      if (high - low > 1e-9 * high) {
-        ++several;
-        widest = std::max(widest, (p_high - p_low) / p_high);
-      }
-    }
-    minima += Format("  %s: ", name.c_str());
-    minima += several == 0
-                  ? std::string("all methods end in the same minimum\n")
-                  : Format(
-                        "methods end in different minima on %d of %d "
-                        "packings, whose pressures differ by up to %.1e: no "
-                        "tolerance removes that\n",
-                        several,
-                        packings,
-                        widest);
-    minima_json[name] = {{"packings", packings},
-                         {"with_several_minima", several},
-                         {"pressures_differ_by", widest}};
-  }
-
   Json json;
+  std::string minima;
   json["particles"] = scene.packing.size();
   json["alpha"] = scene.energy.alpha;
-  json["minima"] = minima_json;
+  json["minima"] = MinimaJson(names, ends, &minima);
   json["recommendations"] = Json::array();
-  const std::vector<double> accuracies = {1e-2, 1e-4, 1e-6, 1e-8, 1e-10};
-  std::vector<std::vector<std::string>> table = {{"scene", "error of"}};
-  for (const double accuracy : accuracies) {
-    table[0].push_back("<= " + Neat(accuracy));
-  }
-  for (const std::string& name : names) {
-    for (int o = 0; o < kNumObservables; ++o) {
-      table.push_back({name, kObservables[o].name});
-      for (const double accuracy : accuracies) {
-        const std::vector<Best> ranking = Ranking(rows, name, o, accuracy);
-        if (ranking.empty()) {
-          table.back().push_back("-");
-          continue;
-        }
-        const Best& best = ranking[0];
-        table.back().push_back(
-            best.row->method +
-            (best.row->precision == "double" ? "" : " " + best.row->precision) +
-            " " + Neat(best.row->tolerance) +
-            Format(": %.3g", 1e3 * best.seconds));
-        json["recommendations"].push_back({{"scene", name},
-                                           {"observable", kObservables[o].name},
-                                           {"accuracy", accuracy},
-                                           {"flags", FlagsOf(*best.row)},
-                                           {"cpu_seconds", best.seconds},
-                                           {"error", best.error}});
-      }
-    }
-  }
+  const std::vector<std::vector<std::string>> table =
+      Recommendations(rows, names, &json["recommendations"]);
   json["schema"] = "granopt/tradeoff/1";
   json["provenance"] = Provenance();
   output.Write("recommendations.md", Grid(table, 0, true, 2));
 
   int status = kConverged;
   if (FLAGS_recommend) {
-    const std::string& name = names[0];
-    for (const std::string& scene_name : names) {
-      const std::vector<Best> ranking =
-          Ranking(rows, scene_name, wanted, FLAGS_accuracy);
-      std::printf("\n%s, error of %s at most %g (%s)\n",
-                  scene_name.c_str(),
-                  FLAGS_observable.c_str(),
-                  FLAGS_accuracy,
-                  kObservables[wanted].what);
-      if (ranking.empty()) {
-        std::printf("  no setting reaches it\n");
-        status = kNotConverged;
-        continue;
-      }
-      if (scene_name == name) {
-        json["recommended"] = FlagsOf(*ranking[0].row);
-      }
-      std::printf("  use  %s\n\n", FlagsOf(*ranking[0].row).c_str());
-      std::vector<std::vector<std::string>> evidence = {
-          {"measured", "CPU ms", "ratio", "error"}};
-      for (const Best& best : ranking) {
-        evidence.push_back({FlagsOf(*best.row),
-                            Format("%.3g", 1e3 * best.seconds),
-                            Format("%.2f", best.seconds / ranking[0].seconds),
-                            Format("%.1e", best.error)});
-      }
-      std::fputs(Grid(evidence, 0, false).c_str(), stdout);
-    }
+    status = PrintRecommended(rows, names, wanted, &json);
   } else {
     output.Plot(
         {"tradeoff", output.Path("tradeoff.csv"), output.Path("tradeoff")},
@@ -795,27 +867,7 @@ int Main() {
       output.Plot({"phi_j", output.Path("jamming.csv"), output.Path("phi_j")},
                   {"phi_j.svg", "phi_j.png"});
     }
-    std::printf("\nfor this accuracy use this: method, --tolerance: CPU ms\n%s",
-                Grid(table, 0, false, 2).c_str());
-    for (const Setting& setting : settings) {
-      if (setting.method.label == setting.method.spec ||
-          setting.precision != Precision::DOUBLE) {
-        continue;
-      }
-      std::printf("  %s is --solver=%s\n",
-                  setting.method.label.c_str(),
-                  setting.method.spec.c_str());
-    }
-    std::printf(
-        "  times: medians over packings and repetitions; errors: the largest "
-        "over packings, against the minimum that the run\n  ends in: ");
-    for (int o = 0; o < kNumObservables; ++o) {
-      std::printf("%s%s %s",
-                  o == 0 ? "" : "; ",
-                  kObservables[o].name,
-                  kObservables[o].what);
-    }
-    std::printf("\n");
+    PrintTable(table, settings);
   }
   std::printf("\nminima\n%s", minima.c_str());
   output.WriteJson("summary.json", json);

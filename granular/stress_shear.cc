@@ -52,4 +52,84 @@ bool StepToShearStress(double stress,
   return true;
 }
 
+bool ShearByStress(const StressPath& path,
+                   const StressShearOptions& options,
+                   const Solver& solver,
+                   const std::function<bool(const StressShearState&,
+                                            const Relaxation*)>& observer,
+                   StressShearState* state,
+                   Relaxation* last,
+                   std::string* error) {
+  *last = Relaxation();
+  if (!std::isfinite(path.stress) || path.steps < 1 || path.halvings < 0) {
+    *error =
+        Format("shear stress = %g in %d steps: must be finite, in at least 1",
+               path.stress,
+               path.steps);
+    return false;
+  }
+  const auto step_to = [&](double target, bool* found) {
+    Relaxation next;
+    if (!StepToShearStress(
+            target, options, solver, &state->shear, &next, found, error)) {
+      return false;
+    }
+    if (*found) {
+      state->reached = target;
+      state->summary = next.summary;
+      state->list_builds = next.list_builds;
+      *last = std::move(next);
+    } else {
+      state->why = next.summary.message;
+    }
+    return true;
+  };
+  const auto show = [&](bool found) {
+    if (!observer || observer(*state, found ? last : nullptr)) return true;
+    *error = "stopped by the caller";
+    return false;
+  };
+  bool found = false;
+  if (state->shear.step < 0) {
+    Relaxation start;
+    if (!Relax(state->shear.packing,
+               options.energy,
+               solver,
+               options.solve,
+               &start,
+               error)) {
+      return false;
+    }
+    state->shear.packing = std::move(start.packing);
+    if (!step_to(0.0, &found)) return false;
+    if (!found) {
+      *error = "no state without shear stress was found: " + state->why +
+               (options.pressure > 0.0 ? "" : "; is the packing jammed?");
+      return false;
+    }
+    state->shear.strain = 0.0;
+    if (!show(true)) return false;
+  }
+  while (state->halvings == 0 ? state->shear.step < path.steps
+                              : state->halvings <= path.halvings) {
+    // Exactly those of the steps where nothing yields.
+    const double target =
+        state->halvings == 0
+            ? path.stress * (state->shear.step + 1) / path.steps
+            : 0.5 * (state->reached + state->refused);
+    if (!step_to(target, &found)) return false;
+    if (!found) state->refused = target;
+    if (!found || state->halvings > 0) ++state->halvings;
+    if (!show(found)) return false;
+  }
+  if (last->packing.size() > 0) return true;
+  // No state since the run went on.
+  if (!MeasureAsItIs(state->shear.packing, options.energy, last, error)) {
+    return false;
+  }
+  last->summary = state->summary;
+  last->list_builds = state->list_builds;
+  return true;
+}
+
 }  // namespace granopt

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "granular/contact_energy.h"
-#include "solvers/random.h"
 #include "solvers/format.h"
+#include "solvers/random.h"
 
 namespace granopt {
 

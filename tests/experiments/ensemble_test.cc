@@ -3,7 +3,6 @@
 
 #include "experiments/ensemble.h"
 
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cmath>
@@ -206,13 +205,10 @@ TEST_F(Jobs, AnInterruptReachesThemAndStartsNoMore) {
 class EnsembleCli : public Folder {
  protected:
   int Do(const std::string& arguments) {
-    const std::string command =
-        "cd '" + folder_ + "' && " GRANOPT_BINARIES "/jamming --nopictures " +
-        arguments + " > stdout.txt 2> stderr.txt < /dev/null";
-    const int status = std::system(command.c_str());
-    out_ = Slurp(folder_ + "/stdout.txt");
-    err_ = Slurp(folder_ + "/stderr.txt");
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    const Outcome run = Binaries::Do("jamming", arguments);
+    out_ = run.out;
+    err_ = run.err;
+    return run.status;
   }
 
   void ExpectRefused(const std::string& arguments, const std::string& line) {
@@ -282,6 +278,20 @@ TEST_F(EnsembleCli, ResumeRunsWhatIsMissing) {
   // With another flag all are others.
   ASSERT_EQ(Do(arguments + "--seeds=1-3 --resume --dphi=4e-3"), 0) << err_;
   EXPECT_EQ(out_.find("not run again"), std::string::npos) << out_;
+}
+
+TEST_F(EnsembleCli, APackingThatCannotBeReadIsNamed) {
+  const std::string arguments = "--smoke --particles=32 --seeds=1,2 --out=out ";
+  ASSERT_EQ(Do(arguments), 0) << err_;
+  ASSERT_EQ(
+      Execute("truncate -s 100 '" + folder_ + "/out/n32_seed2/packing.xyz'"),
+      0);
+  ASSERT_EQ(Do(arguments + "--resume"), 0) << err_;
+  const Json json = Json::parse(Slurp(folder_ + "/out/summary.json"));
+  EXPECT_EQ(json.at("sizes")[0].at("complete"), 2);
+  EXPECT_EQ(json.at("sizes")[0].at("distributions").at("packings"), 1);
+  ASSERT_EQ(json.at("failures").size(), 1u);
+  EXPECT_EQ(json.at("failures")[0].at("run"), "n32_seed2");
 }
 
 TEST_F(EnsembleCli, AFailureIsNamedAndStopsNoOther) {

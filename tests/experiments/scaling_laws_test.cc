@@ -97,6 +97,11 @@ TEST(ScalingLaws, StatesAreReadAsTheyAreWritten) {
   EXPECT_EQ(StatesCsv(read), StatesCsv(states));
   EXPECT_FALSE(ReadStates("alpha,seed\n2,x\n", "states.csv", &read, &error));
   EXPECT_NE(error.find("states.csv"), std::string::npos) << error;
+  // Nothing of a file that breaks off is taken for a state.
+  const std::string whole = StatesCsv(states);
+  EXPECT_FALSE(ReadStates(
+      whole.substr(0, whole.size() - 40), "states.csv", &read, &error));
+  EXPECT_EQ(read.size(), states.size());
 }
 
 }  // namespace

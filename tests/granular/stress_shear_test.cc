@@ -2,9 +2,11 @@
 
 #include "granular/stress_shear.h"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "granular/linear_response.h"
 #include "gtest/gtest.h"
@@ -112,6 +114,123 @@ TEST(StressShear, ItYields) {
                                  &last,
                                  &found,
                                  &error));
+}
+
+// Where a run of ShearByStress() stood after each step, and how it ended.
+struct Path {
+  std::vector<StressShearState> states;
+  std::vector<bool> found;
+  StressShearState end;
+  Relaxation last;
+};
+
+StressShearOptions YieldOptions() {
+  StressShearOptions options;
+  options.solve.relative_tolerance = 1e-8;
+  options.solve.max_evaluations = 5000;
+  return options;
+}
+
+Path Sheared(const StressPath& path) {
+  Path run;
+  run.end.shear.packing = RandomPacking(2, 48, 0.92, 3);
+  std::string error;
+  EXPECT_TRUE(ShearByStress(
+      path,
+      YieldOptions(),
+      *MakeSolver("lbfgs"),
+      [&](const StressShearState& state, const Relaxation* found) {
+        run.states.push_back(state);
+        run.found.push_back(found != nullptr);
+        if (found != nullptr) {
+          EXPECT_EQ(found->packing.positions, state.shear.packing.positions);
+        }
+        return true;
+      },
+      &run.end,
+      &run.last,
+      &error))
+      << error;
+  return run;
+}
+
+TEST(StressShear, APathThatHoldsEndsAtItsStress) {
+  const Path run = Sheared({-1e-4, 3, 6});
+  ASSERT_EQ(run.states.size(), 4u);
+  for (int k = 0; k <= 3; ++k) {
+    EXPECT_TRUE(run.found[k]);
+    EXPECT_EQ(run.states[k].shear.step, k);
+    EXPECT_EQ(run.states[k].reached, -1e-4 * k / 3);
+    EXPECT_NEAR(
+        run.states[k].shear.stress(0, 1), -run.states[k].reached, 1e-10);
+  }
+  EXPECT_EQ(run.states[0].shear.strain, 0.0);
+  EXPECT_LT(run.end.shear.strain, 0.0);
+  EXPECT_EQ(run.end.halvings, 0);
+}
+
+// Between two stresses 2^-halvings of a step apart; and whoever goes on from
+// where the run stood at any time ends where it did, its last state included.
+TEST(StressShear, TheYieldStressIsHalvedForAndARunGoesOnToTheSameBits) {
+  const StressPath path = {0.2, 4, 3};
+  const Path run = Sheared(path);
+  EXPECT_EQ(run.end.halvings, path.halvings + 1);
+  EXPECT_NEAR(run.end.refused - run.end.reached, 0.05 / 8, 1e-15);
+  EXPECT_LT(run.end.reached, 0.5 * run.last.observables.pressure);
+  EXPECT_FALSE(run.end.why.empty());
+  // The first refusal and three halvings of the step before it.
+  const auto first = std::find(run.found.begin(), run.found.end(), false);
+  EXPECT_EQ(run.found.end() - first, 1 + path.halvings);
+  for (const StressShearState& state : run.states) {
+    StressShearState end = state;
+    Relaxation last;
+    std::string error;
+    ASSERT_TRUE(ShearByStress(path,
+                              YieldOptions(),
+                              *MakeSolver("lbfgs"),
+                              nullptr,
+                              &end,
+                              &last,
+                              &error))
+        << error;
+    EXPECT_EQ(end.reached, run.end.reached);
+    EXPECT_EQ(end.refused, run.end.refused);
+    EXPECT_EQ(end.why, run.end.why);
+    EXPECT_EQ(end.shear.counters.evaluations,
+              run.end.shear.counters.evaluations);
+    EXPECT_EQ(last.packing.positions, run.last.packing.positions);
+    EXPECT_EQ(last.observables.energy, run.last.observables.energy);
+    EXPECT_EQ(last.summary.counters.evaluations,
+              run.last.summary.counters.evaluations);
+    EXPECT_EQ(last.summary.message, run.last.summary.message);
+    EXPECT_EQ(last.list_builds, run.last.list_builds);
+  }
+}
+
+TEST(StressShear, WhatCannotBeShearedIsALine) {
+  StressShearState state;
+  Relaxation last;
+  std::string error;
+  const auto shear = [&](const StressPath& path, double phi) {
+    state = StressShearState();
+    state.shear.packing = RandomPacking(2, 48, phi, 3);
+    error.clear();
+    return ShearByStress(
+        path,
+        YieldOptions(),
+        *MakeSolver("lbfgs"),
+        [](const StressShearState&, const Relaxation*) { return false; },
+        &state,
+        &last,
+        &error);
+  };
+  EXPECT_FALSE(shear({std::nan(""), 3, 6}, 0.92));
+  EXPECT_FALSE(error.empty());
+  EXPECT_FALSE(shear({1e-4, 0, 6}, 0.92));
+  EXPECT_FALSE(error.empty());
+  EXPECT_FALSE(shear({1e-4, 3, 6}, 0.92));
+  EXPECT_EQ(error, "stopped by the caller");
+  EXPECT_EQ(state.shear.step, 0);
 }
 
 }  // namespace
