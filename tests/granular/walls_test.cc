@@ -74,6 +74,13 @@ TEST(FixedGrains, AreConstantsOfTheEnergy) {
     const Eigen::VectorXd expected =
         full * Eigen::Map<const Eigen::VectorXd>(v.data(), n);
     for (int k = 0; k < n; ++k) EXPECT_NEAR(hv[k], expected[k], 1e-12);
+    // What stands for fixed grains has the unit of the others.
+    ContactEnergyOptions stiff = options;
+    stiff.stiffness = 4.0;
+    SparseMatrix sparse_stiff;
+    const auto four = MakeEnergy(packing, stiff);
+    ASSERT_TRUE(four->EvaluateHessian(zero.data(), &sparse_stiff));
+    EXPECT_EQ((sparse_stiff - 4.0 * sparse).norm(), 0.0);
     // sum f grad(delta) is minus the gradient of the energy.
     Gaps gaps;
     ASSERT_TRUE(masked->EvaluateGaps(zero.data(), &gaps));
