@@ -126,9 +126,9 @@ bool IsFirstOrder(Kind kind) {
   return kind == Kind::FIRE || kind == Kind::LBFGS;
 }
 
-// Costs in evaluations of n unknowns in blocks, as measured (README, where the
-// time goes) with 1024 to 65536 blocks of two, a million, for which approximate
-// minimum degree fills far more, and 300 to 2000 blocks of three.
+// Costs in evaluations of n unknowns in blocks, as measured (comparing.md,
+// where the time goes) with 1024 to 65536 blocks of two, a million, for which
+// approximate minimum degree fills far more, and 300 to 2000 blocks of three.
 struct Costs {
   Costs(int n, int block)
       : factor(block > 2 ? 0.3 * (n / block)

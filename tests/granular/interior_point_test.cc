@@ -177,43 +177,6 @@ TEST(InteriorPoint, NamesTheMemoryThatItMayNotTake) {
   EXPECT_TRUE(next.summary.Succeeded()) << next.summary.BriefReport();
 }
 
-// An object without gaps need not be in the pattern.
-class WithoutZeros : public Forwarding {
- public:
-  using Forwarding::Forwarding;
-  bool EvaluateWeightedHessian(const double* x,
-                               const double* first,
-                               const double* second,
-                               SparseMatrix* h) const override {
-    if (!f_->EvaluateWeightedHessian(x, first, second, h)) return false;
-    h->prune([](int, int, double value) { return value != 0.0; });
-    ++version_;
-    return true;
-  }
-  std::int64_t PatternVersion() const override {
-    return version_ * 1000 + f_->PatternVersion();
-  }
-
- private:
-  mutable std::int64_t version_ = 0;
-};
-
-TEST(InteriorPoint, TakesPatternsWithoutADiagonal) {
-  Packing packing = ReadData("n64_jammed.xyz");
-  packing.ScaleRadii(1.0 + 1e-4);
-  packing.Perturb(1e-5, 3);
-  const auto energy = MakeEnergy(packing, 2.0);
-  const Result plain =
-      Minimize("interior_point", energy.get(), Zero(*energy), Tolerance(1e-9));
-  const auto again = MakeEnergy(packing, 2.0);
-  WithoutZeros pruned(again.get());
-  const Result run =
-      Minimize("interior_point", &pruned, Zero(*energy), Tolerance(1e-9));
-  EXPECT_TRUE(run.summary.Succeeded()) << run.summary.BriefReport();
-  EXPECT_EQ(run.summary.counters.iterations, plain.summary.counters.iterations);
-  EXPECT_NEAR(run.summary.cost, plain.summary.cost, 1e-9 * plain.summary.cost);
-}
-
 // ---- methods in turn ----
 
 TEST(SolverSequence, TheNextGoesOnWhereOneGaveUp) {

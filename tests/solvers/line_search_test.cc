@@ -234,6 +234,17 @@ TEST(LineChange, IsExactForAParabolaAtAnySize) {
   }
 }
 
+// The same between points that are not on a line.
+TEST(CostAnchor, ChangesAsALineDoes) {
+  const double slope = -0x1p-40;
+  const CostAnchor anchor = {{1.0, 2.0}, {slope, 0.0}, 1.0, 0.0};
+  const double x[] = {3.0, 1.0}, g[] = {0.5 * slope, slope};
+  EXPECT_EQ(anchor.Change(x, 0.75, g), -0.25);
+  EXPECT_EQ(anchor.Change(x, 1.0, g), (1.5 - 0.5) * slope);
+  const double far[] = {1e9, 2.0};
+  EXPECT_EQ(anchor.Change(far, 1.0, g), 0.0);
+}
+
 // ---- the conditions ---------------------------------------------------------
 
 TEST(LineSearch, FindsAWolfePointOfEveryCurveFromEveryStep) {
