@@ -6,8 +6,8 @@
 #include <limits>
 #include <sstream>
 
+#include "experiments/cases.h"
 #include "experiments/children.h"
-#include "experiments/comparison.h"
 #include "experiments/distributions.h"
 #include "experiments/scene.h"
 #include "granular/packing_io.h"

@@ -19,10 +19,10 @@
 #include <string>
 #include <vector>
 
+#include "experiments/cases.h"
 #include "experiments/certificate.h"
 #include "experiments/checkpoint.h"
 #include "experiments/children.h"
-#include "experiments/comparison.h"
 #include "experiments/ensemble.h"
 #include "experiments/moduli.h"
 #include "experiments/preparation.h"

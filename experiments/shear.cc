@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include "experiments/cases.h"
 #include "experiments/checkpoint.h"
-#include "experiments/comparison.h"
 #include "experiments/ensemble.h"
 #include "experiments/run.h"
 #include "experiments/scene.h"

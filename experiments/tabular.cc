@@ -1,6 +1,7 @@
 #include "experiments/tabular.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <cstdlib>
 
@@ -21,8 +22,9 @@ bool ParseDouble(const std::string& text, double* value) {
 
 bool ParseInteger(const std::string& text, std::int64_t* value) {
   char* end = nullptr;
+  errno = 0;
   *value = std::strtoll(text.c_str(), &end, 10);
-  return !text.empty() && *end == '\0';
+  return !text.empty() && *end == '\0' && errno == 0;
 }
 
 bool ParseNumbers(const std::string& text, std::vector<double>* values) {
@@ -55,6 +57,23 @@ std::string Field(const std::string& text) {
 std::string Number(double value) { return Format("%.17g", value); }
 std::string Number(std::int64_t value) {
   return Format("%lld", static_cast<long long>(value));
+}
+
+std::string NineDigits(double value) { return Format("%.9g", value); }
+
+std::string Neat(double value) {
+  const double size = std::abs(value);
+  const bool scientific = size > 0.0 && (size < 0.1 || size >= 1e6);
+  std::string text;
+  for (int digits = 1; digits <= 17; ++digits) {
+    text = scientific ? Format("%.*e", digits - 1, value)
+                      : Format("%.*g", std::max(digits, 6), value);
+    if (std::strtod(text.c_str(), nullptr) == value) break;
+  }
+  const std::size_t e = text.find('e');
+  if (e == std::string::npos) return text;
+  const int exponent = std::atoi(text.c_str() + e + 1);
+  return text.substr(0, e + 1) + std::to_string(exponent);
 }
 
 std::string NumbersCsv(const std::vector<std::string>& columns,
@@ -115,14 +134,18 @@ void CsvReader::Read(const char* column, int* value) {
   std::int64_t wide = 0;
   Read(column, &wide);
   *value = static_cast<int>(wide);
+  if (*value != wide) NotNumber(column, std::to_string(wide));
 }
 
 void CsvReader::Read(const char* column, std::uint64_t* value) {
   std::string text;
   Read(column, &text);
   char* end = nullptr;
+  errno = 0;
   *value = std::strtoull(text.c_str(), &end, 10);
-  if (text.empty() || *end != '\0') NotNumber(column, text);
+  if (text.empty() || text[0] == '-' || *end != '\0' || errno != 0) {
+    NotNumber(column, text);
+  }
 }
 
 void CsvReader::Read(const char* column, bool* value) {
@@ -166,6 +189,56 @@ bool CsvReader::Next(std::vector<std::string>* fields) {
     }
   }
   return true;
+}
+
+void CsvColumns::Add(const char* name, std::string* value) {
+  if (reader_ != nullptr)
+    reader_->Read(name, value);
+  else
+    Write(name, Field(*value));
+}
+
+void CsvColumns::Add(const char* name, int* value) {
+  if (reader_ != nullptr)
+    reader_->Read(name, value);
+  else
+    Write(name, Number(std::int64_t{*value}));
+}
+
+void CsvColumns::Add(const char* name, std::int64_t* value) {
+  if (reader_ != nullptr)
+    reader_->Read(name, value);
+  else
+    Write(name, Number(*value));
+}
+
+void CsvColumns::Add(const char* name, std::uint64_t* value) {
+  if (reader_ != nullptr)
+    reader_->Read(name, value);
+  else
+    Write(name, std::to_string(*value));
+}
+
+void CsvColumns::Add(const char* name, bool* value) {
+  if (reader_ != nullptr)
+    reader_->Read(name, value);
+  else
+    Write(name, *value ? "1" : "0");
+}
+
+void CsvColumns::Add(const char* name,
+                     double* value,
+                     std::string (*print)(double)) {
+  if (reader_ != nullptr)
+    reader_->Read(name, value);
+  else
+    Write(name, print(*value));
+}
+
+void CsvColumns::Write(const char* name, const std::string& field) {
+  const char* const comma = header_.empty() ? "" : ",";
+  header_ += comma + std::string(name);
+  row_ += comma + field;
 }
 
 // ---------------------------------------------------------------- text

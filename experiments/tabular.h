@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace granopt {
@@ -25,6 +26,9 @@ bool ParseNumbers(const std::string& text, std::vector<double>* values);
 std::string Field(const std::string& text);
 std::string Number(double value);  // all digits
 std::string Number(std::int64_t value);
+std::string NineDigits(double value);
+// "5e-5", "0.01": as people write it, and read back exactly.
+std::string Neat(double value);
 // A header of the columns and a line a row, each of as many numbers.
 std::string NumbersCsv(const std::vector<std::string>& columns,
                        const std::vector<std::vector<double>>& rows);
@@ -66,6 +70,75 @@ class CsvReader {
   std::vector<std::string> row_;
   std::string error_;
 };
+
+// The columns of a file, which a function
+//
+//   void Columns(Record* record, CsvColumns* columns) {
+//     columns->Add("seed", &record->seed);
+//     ...
+//   }
+//
+// names once: for the header, for writing a row and for reading one.
+class CsvColumns {
+ public:
+  CsvColumns() = default;
+  // Reads the reader's row instead of writing one.
+  explicit CsvColumns(CsvReader* reader) : reader_(reader) {}
+
+  void Add(const char* name, std::string* value);
+  void Add(const char* name, int* value);
+  void Add(const char* name, std::int64_t* value);
+  void Add(const char* name, std::uint64_t* value);
+  void Add(const char* name, bool* value);  // 0 or 1
+  void Add(const char* name,
+           double* value,
+           std::string (*print)(double) = Number);
+
+  // Null when writing.
+  CsvReader* reader() const { return reader_; }
+  // What was written, without the end of the line.
+  const std::string& header() const { return header_; }
+  const std::string& row() const { return row_; }
+
+ private:
+  void Write(const char* name, const std::string& field);
+
+  CsvReader* reader_ = nullptr;
+  std::string header_, row_;
+};
+
+template <typename Record>
+std::string FormatCsv(const std::vector<Record>& records) {
+  CsvColumns head;
+  Record none;
+  Columns(&none, &head);
+  std::string csv = head.header() + "\n";
+  for (Record record : records) {
+    CsvColumns columns;
+    Columns(&record, &columns);
+    csv += columns.row() + "\n";
+  }
+  return csv;
+}
+
+// `name` is for error lines, "name:line: what".
+template <typename Record>
+bool ParseCsv(const std::string& text,
+              const std::string& name,
+              std::vector<Record>* records,
+              std::string* error) {
+  records->clear();
+  CsvReader reader(text, name);
+  if (!reader.Begin(error)) return false;
+  while (reader.Row()) {
+    Record record;
+    CsvColumns columns(&reader);
+    Columns(&record, &columns);
+    if (!reader.error().empty()) return Fail(reader.error(), error);
+    records->push_back(std::move(record));
+  }
+  return true;
+}
 
 // ---------------------------------------------------------------- text
 

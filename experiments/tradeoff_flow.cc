@@ -17,8 +17,8 @@
 #include <string>
 #include <vector>
 
+#include "experiments/cases.h"
 #include "experiments/children.h"
-#include "experiments/comparison.h"
 #include "experiments/flow_scene.h"
 #include "experiments/flow_ways.h"
 #include "experiments/run.h"
