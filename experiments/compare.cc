@@ -33,11 +33,6 @@
 #include "experiments/scene.h"
 #include "granular/atomic_file.h"
 
-DEFINE_string(replot,
-              "",
-              "folder of an earlier comparison: make its tables and figures "
-              "again, run nothing");
-
 namespace granopt {
 namespace {
 

@@ -10,16 +10,39 @@ DEFINE_string(solvers,
               "ceres_lbfgs:scaled=1,differences=1,restarts=10",
               "methods, separated by semicolons, each as name:key=value,... or "
               "label@name:key=value,... (see --list_solvers)");
+DEFINE_string(
+    cases,
+    "growth,simple_shear,random",
+    "what is relaxed, separated by commas: growth, simple_shear, "
+    "pure_shear, random, fig2, near_jamming, start, user; with a size as in "
+    "growth=5e-5; near_jamming=0.3x is a strain of 0.3 (phi - phi_J)");
 DEFINE_double(phi, 0.8438, "packing fraction of generated packings");
 DEFINE_string(seeds, "", "seeds as in 1-3 or 1,4,7; default: --seed");
 DEFINE_int32(repetitions, 3, "how often each run is repeated, for its time");
+DEFINE_double(
+    absolute_tolerance,
+    0.0,
+    "if > 0: stop at max|g| <= this instead, in units k = 1, box = 1");
 DEFINE_double(max_seconds, 0.0, "a run gives up after this time (0: never)");
 DEFINE_int64(max_evaluations,
              0,
              "a run gives up after this many evaluations (0: never)");
+DEFINE_string(distances,
+              "1e-2,1e-3,1e-4,1e-5,1e-6,1e-7,1e-8",
+              "distances phi - phi_J of the case near_jamming");
+DEFINE_double(shear, 1e-6, "shear step of the case near_jamming");
+DEFINE_int32(steps,
+             1,
+             "shear steps of the case near_jamming, one after another: each "
+             "starts from the state before, relaxed by --prepare_solver");
 DEFINE_string(prepare_solver,
               granopt::kDefaultSolver,
               "the method that relaxes the packings before the loads");
+DEFINE_int64(
+    prepare_evaluations,
+    1000000,
+    "a relaxation of these steps gives up after this many evaluations, "
+    "which ends their chain (0: never)");
 DEFINE_string(reference,
               "",
               "label of the method whose minima the others' are compared with: "
@@ -32,6 +55,15 @@ DEFINE_string(baseline,
               "",
               "label of the method that times are divided by; default: the "
               "first");
+DEFINE_string(
+    paper,
+    "",
+    "the paper's parameters: table1, fig2 or fig7 (each can be changed by "
+    "its flag)");
+DEFINE_string(replot,
+              "",
+              "folder of an earlier comparison: make its tables and figures "
+              "again, run nothing");
 
 namespace granopt {
 namespace {

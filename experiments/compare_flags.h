@@ -1,5 +1,6 @@
-// granopt: the flags that both halves of `compare` read, runs of a minimization
-// and runs of a whole protocol.
+// granopt: the flags of `compare`, but for those of protocols, and what both of
+// its halves, runs of a minimization and runs of a whole protocol, do with
+// them.
 
 #ifndef GRANOPT_EXPERIMENTS_COMPARE_FLAGS_H_
 #define GRANOPT_EXPERIMENTS_COMPARE_FLAGS_H_
@@ -13,11 +14,20 @@
 #include "gflags/gflags.h"
 #include "solvers/solver.h"
 
+DECLARE_string(cases);
 DECLARE_double(phi);
+DECLARE_string(seeds);
+DECLARE_string(solvers);
 DECLARE_int32(repetitions);
+DECLARE_double(absolute_tolerance);
 DECLARE_int64(max_evaluations);
+DECLARE_string(distances);
+DECLARE_double(shear);
+DECLARE_int32(steps);
+DECLARE_int64(prepare_evaluations);
 DECLARE_bool(resume);
-DECLARE_string(protocol);
+DECLARE_string(paper);
+DECLARE_string(replot);
 
 namespace granopt {
 
@@ -32,11 +42,11 @@ std::vector<std::uint64_t> SeedsOfFlags();
 void SetBaseline(const std::vector<Method>& methods, std::string* baseline);
 void SetReference(const std::vector<Method>& methods, std::string* reference);
 
-// --max_seconds and --max_evaluations, which a method gives up after: BadInput
-// if they make no sense; set; "; at most 5 s<per>; at most 100
-// evaluations<per>".
+// --max_seconds and --max_evaluations, after which a method gives up. BadInput
+// if they make no sense.
 void CheckLimits();
 void SetLimits(SolveOptions* options);
+// "; at most 5 s<per>; at most 100 evaluations<per>".
 std::string LimitsText(const std::string& per);
 
 // BadInput if one of the flags is given.

@@ -11,38 +11,6 @@
 #include "experiments/run.h"
 #include "experiments/tabular.h"
 
-DECLARE_string(solvers);
-DECLARE_string(seeds);
-
-DEFINE_string(
-    cases,
-    "growth,simple_shear,random",
-    "what is relaxed, separated by commas: growth, simple_shear, "
-    "pure_shear, random, fig2, near_jamming, start, user; with a size as in "
-    "growth=5e-5; near_jamming=0.3x is a strain of 0.3 (phi - phi_J)");
-DEFINE_double(
-    absolute_tolerance,
-    0.0,
-    "if > 0: stop at max|g| <= this instead, in units k = 1, box = 1");
-DEFINE_string(distances,
-              "1e-2,1e-3,1e-4,1e-5,1e-6,1e-7,1e-8",
-              "distances phi - phi_J of the case near_jamming");
-DEFINE_double(shear, 1e-6, "shear step of the case near_jamming");
-DEFINE_int32(steps,
-             1,
-             "shear steps of the case near_jamming, one after another: each "
-             "starts from the state before, relaxed by --prepare_solver");
-DEFINE_int64(
-    prepare_evaluations,
-    1000000,
-    "a relaxation of these steps gives up after this many evaluations, "
-    "which ends their chain (0: never)");
-DEFINE_string(
-    paper,
-    "",
-    "the paper's parameters: table1, fig2 or fig7 (each can be changed by "
-    "its flag)");
-
 namespace granopt {
 namespace {
 

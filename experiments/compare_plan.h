@@ -9,10 +9,7 @@
 
 #include "experiments/comparison_setup.h"
 #include "experiments/scene.h"
-#include "gflags/gflags.h"
 #include "solvers/solver.h"
-
-DECLARE_int64(prepare_evaluations);
 
 namespace granopt {
 

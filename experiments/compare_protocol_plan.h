@@ -11,6 +11,7 @@
 #include "gflags/gflags.h"
 #include "solvers/solver.h"
 
+DECLARE_string(protocol);
 DECLARE_double(dphi);
 
 namespace granopt {

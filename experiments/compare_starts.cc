@@ -5,6 +5,8 @@
 #include <cstdlib>
 #include <utility>
 
+#include "experiments/compare_flags.h"
+
 namespace granopt {
 
 bool MakeStarts(const Plan& plan,

@@ -73,8 +73,9 @@ DEFINE_string(replot,
 namespace granopt {
 namespace {
 
-const std::vector<std::string> kFigures = {"conditioning.svg",
-                                           "conditioning.png"};
+std::vector<std::string> Figures() {
+  return {"conditioning.svg", "conditioning.png"};
+}
 
 struct Plan {
   Scene scene;
@@ -280,7 +281,7 @@ void Draw(const std::string& data, Output* output) {
                 data + "/conditioning.csv",
                 data + "/contact_changes.csv",
                 output->Path("conditioning")},
-               kFigures);
+               Figures());
 }
 
 void PrintReadingHelp() {
@@ -319,7 +320,7 @@ int Replot() {
   ConditioningRows rows;
   Read(data + "/conditioning.csv", &rows.conditions);
   Read(data + "/contact_changes.csv", &rows.changes);
-  std::vector<std::string> names = kFigures;
+  std::vector<std::string> names = Figures();
   names.push_back("tables.txt");
   Output output;
   output.Create(IsGiven("out") ? FLAGS_out : data, names);
@@ -333,7 +334,7 @@ int Main() {
   ListSolversIfAsked();
   if (IsGiven("replot")) return Replot();
   const Plan plan = MakePlan();
-  std::vector<std::string> names = kFigures;
+  std::vector<std::string> names = Figures();
   for (const char* name : {"conditioning.csv",
                            "contact_changes.csv",
                            "tables.txt",

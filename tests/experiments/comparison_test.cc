@@ -227,7 +227,9 @@ class Steps : public testing::Test {
               rearranges  ? "B"
               : step == 1 ? "-"
                           : "A",
-              rearranges ? 0.5 : 1.0 + 1e-12);
+              rearranges  ? 0.5
+              : seed == 1 ? 1.0 + 1e-12
+                          : 1.0 - 1e-12);
         }
       }
     }
@@ -302,7 +304,11 @@ TEST_F(Steps, MedianWorstAndFailures) {
   EXPECT_EQ(all.lower, 1);
   EXPECT_EQ(all.higher, 0);
   EXPECT_DOUBLE_EQ(all.difference, -0.5);
-  // A step that fails in one repetition has failed.
+  EXPECT_EQ(all.unjammed, 0);
+  // A step that is unjammed in one repetition is; one that fails in one failed.
+  runs_[1].minimum = "0";
+  EXPECT_EQ(TabulateSteps(setup_, events_, runs_, steps_)[1].rows[1].unjammed,
+            1);
   runs_[0].stop_reason = "MAX_SECONDS";
   events_.erase(events_.begin());
   EXPECT_EQ(TabulateSteps(setup_, events_, runs_, steps_)[0].rows[0].failed, 1);
