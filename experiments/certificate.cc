@@ -1,7 +1,6 @@
 #include "experiments/certificate.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <memory>
 
@@ -135,11 +134,9 @@ std::string PublishCertificate(const Packing& packing,
   StabilityOptions stability;
   stability.modes = std::max(1, FLAGS_modes);
   stability.vanishing_tolerance = MakeSolveOptions().vanishing_tolerance;
-  const auto start = std::chrono::steady_clock::now();
+  const double start = WallSeconds();
   const Certificate certificate = Certify(*energy, zero.data(), stability);
-  const double seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start)
-          .count();
+  const double seconds = WallSeconds() - start;
   (*json)["certificate"] = CertificateJson(certificate, seconds);
   if (FLAGS_modes > 0 && !certificate.modes.empty()) {
     output->Write("modes.csv", ModesCsv(certificate));

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <fstream>
 
+#include "experiments/help.h"
 #include "experiments/jobs.h"
 #include "granular/atomic_file.h"
 
@@ -60,16 +61,11 @@ std::string LastLine(const std::string& path) {
 
 std::vector<std::string> PassedFlags(const std::vector<std::string>& own) {
   std::vector<std::string> passed;
-  std::vector<gflags::CommandLineFlagInfo> all;
-  gflags::GetAllFlags(&all);
-  for (const auto& flag : all) {
-    // Not those of gflags and glog themselves.
-    if (flag.is_default ||
-        std::find(own.begin(), own.end(), flag.name) != own.end() ||
-        flag.filename.find("experiments/") == std::string::npos) {
-      continue;
+  for (const auto& flag : OwnFlags()) {
+    if (!flag.is_default &&
+        std::find(own.begin(), own.end(), flag.name) == own.end()) {
+      passed.push_back("--" + flag.name + "=" + flag.current_value);
     }
-    passed.push_back("--" + flag.name + "=" + flag.current_value);
   }
   return passed;
 }

@@ -329,7 +329,7 @@ Ensemble ReadEnsembleFlags(const std::vector<std::string>& own) {
       numbers += (numbers.empty() ? "" : ",") + part.substr(0, x);
     }
     std::vector<double> sizes;
-    if (!ParseNumbers(numbers, &sizes, &error)) {
+    if (!ParsePositives(numbers, &sizes, &error)) {
       BadInput("--sizes: " + error);
     }
     for (const double size : sizes) {

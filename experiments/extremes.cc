@@ -21,8 +21,8 @@
 #include <string>
 #include <vector>
 
+#include "experiments/cases.h"
 #include "experiments/children.h"
-#include "experiments/comparison.h"
 #include "experiments/extreme_flows.h"
 #include "experiments/extreme_scenes.h"
 #include "experiments/run.h"

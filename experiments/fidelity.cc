@@ -17,10 +17,11 @@
 #include <string>
 #include <vector>
 
-#include "experiments/comparison.h"
+#include "experiments/cases.h"
 #include "experiments/preparation.h"
 #include "experiments/run.h"
 #include "experiments/scene.h"
+#include "experiments/statistics.h"
 #include "experiments/tabular.h"
 #include "granular/flow/flow.h"
 #include "granular/flow/start.h"
@@ -300,6 +301,16 @@ int Recommended(const Rungs& ladder,
   return recommended;
 }
 
+void WriteResults(const std::string& csv, const Json& json, Output* output) {
+  output->Write("fidelity.csv", csv);
+  output->WriteJson("summary.json", json);
+  output->Plot({"fidelity",
+                output->Path("fidelity.csv"),
+                output->Path("fidelity"),
+                Format("--accuracy=%g", FLAGS_accuracy)},
+               {"fidelity.svg", "fidelity.png"});
+}
+
 int RunFlows(const FlowPreset& preset,
              const std::vector<bool>& wanted,
              Output* output) {
@@ -346,13 +357,7 @@ int RunFlows(const FlowPreset& preset,
   }
   json["schema"] = "granopt/fidelity/1";
   json["provenance"] = Provenance();
-  output->Write("fidelity.csv", csv);
-  output->WriteJson("summary.json", json);
-  output->Plot({"fidelity",
-                output->Path("fidelity.csv"),
-                output->Path("fidelity"),
-                Format("--accuracy=%g", FLAGS_accuracy)},
-               {"fidelity.svg", "fidelity.png"});
+  WriteResults(csv, json, output);
   std::printf("\n%s\n", Grid(rows, 0, false).c_str());
   std::printf(
       "  means (standard error in the last digits) at t = %g s over %d starts; "
@@ -510,8 +515,7 @@ int RunPackings(Output* output) {
   json["accuracy"] = FLAGS_accuracy;
   json["schema"] = "granopt/fidelity/1";
   json["provenance"] = Provenance();
-  output->Write("fidelity.csv", csv);
-  output->WriteJson("summary.json", json);
+  WriteResults(csv, json, output);
   std::printf("\n%s\n", Grid(rows, 0, false).c_str());
   std::printf(
       "  medians and means over %d packings of %d discs, 1e-3 above "

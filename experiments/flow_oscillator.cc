@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "experiments/flow.h"
+#include "experiments/tabular.h"
 
 namespace granopt {
 namespace {
@@ -66,6 +67,8 @@ FlowCase Pair(bool pinned,
 std::string Frequencies(Json* ratios) {
   const double omega = Omega();
   std::string csv = "stepper,dt,pinned,ratio\n", error;
+  std::vector<std::vector<std::string>> table = {
+      {"Dt", "Verlet, pinned", "Verlet, free", "backward Euler, pinned"}};
   for (const double dt : {0.04, 0.02, 0.01, 0.005, 0.0025}) {
     double measured[3];
     for (int which = 0; which < 3; ++which) {
@@ -110,12 +113,12 @@ std::string Frequencies(Json* ratios) {
                          {"pinned", which != 1},
                          {"ratio", measured[which]}});
     }
-    std::printf("    %-7g  %.7f       %.7f      %.7f\n",
-                dt,
-                measured[0],
-                measured[1],
-                measured[2]);
+    table.push_back({Format("%g", dt),
+                     Format("%.7f", measured[0]),
+                     Format("%.7f", measured[1]),
+                     Format("%.7f", measured[2])});
   }
+  std::fputs(Grid(table, 0, false, 0).c_str(), stdout);
   return csv;
 }
 
@@ -239,9 +242,8 @@ int Oscillator(Output* output) {
   std::printf(
       "flow      the linearized oscillator (7.9)-(7.13): one grain about "
       "a pinned one, (0.5, 0.25), r* = 0.5, omega* = "
-      "%.6g / s\n\n    measured frequency / omega* (free pairs: / sqrt 2 "
-      "omega*)\n    Dt       Verlet, pinned  Verlet, free   backward "
-      "Euler, pinned\n",
+      "%.6g / s\n\n  measured frequency / omega* (free pairs: / sqrt 2 "
+      "omega*)\n",
       Omega());
   Json ratios = Json::array(), resonance = Json::array();
   double worst;

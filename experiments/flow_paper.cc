@@ -295,37 +295,43 @@ void PrintTables(const Json& variants) {
       "went to. 'Before': T and relative part from an independent\n  program "
       "with the same reading of the paper, 20 starts\n");
   for (int v = 0; v < kNumVariants; ++v) {
-    std::printf(
-        "\n  %s\n    alpha1  T(0)            T(%g)            relative part    "
-        "boundary contacts potential integrator  before\n",
-        kVariants[v].title,
-        FLAGS_duration);
+    std::vector<std::vector<std::string>> table = {
+        {"alpha1",
+         "T(0)",
+         Format("T(%g)", FLAGS_duration),
+         "relative part",
+         "boundary",
+         "contacts",
+         "potential",
+         "integrator",
+         "before"}};
     for (int c = 0; c < 4; ++c) {
       const Json& row = variants.at(kVariants[v].name).at(c);
       const auto get = [&](const char* key) {
         return row.at(key).get<double>();
       };
-      std::printf(
-          "    %-6g  %.3f +- %.3f  %.3f +- %.3f  %.3f +- %.3f   %+.3f   %+.3f"
-          "   %+.3f    %+.3f     ",
-          kPaperStrengths[c].alpha1,
-          get("T0"),
-          get("T0_sd"),
-          get("T1"),
-          get("T1_sd"),
-          get("relative_fraction1"),
-          get("relative_fraction1_sd"),
-          get("boundary"),
-          get("impact") + get("friction"),
-          -get("potential_change"),
-          get("numerical"));
+      const auto mean = [&](const std::string& key) {
+        return Format("%.3f +- %.3f",
+                      get(key.c_str()),
+                      get((key + "_sd").c_str()));
+      };
       const Independent& before = kIndependent[v][c];
-      std::printf("%s%s\n",
-                  before.T1 > 0.0 ? Format("%.3f  ", before.T1).c_str() : "",
-                  before.fraction1 > 0.0
-                      ? Format("%.3g", before.fraction1).c_str()
-                      : "-");
+      table.push_back(
+          {Format("%g", kPaperStrengths[c].alpha1),
+           mean("T0"),
+           mean("T1"),
+           mean("relative_fraction1"),
+           Format("%+.3f", get("boundary")),
+           Format("%+.3f", get("impact") + get("friction")),
+           Format("%+.3f", -get("potential_change")),
+           Format("%+.3f", get("numerical")),
+           (before.T1 > 0.0 ? Format("%.3f, ", before.T1) : "") +
+               (before.fraction1 > 0.0 ? Format("%.3g", before.fraction1)
+                                       : "-")});
     }
+    std::printf("\n  %s\n%s",
+                kVariants[v].title,
+                Grid(table, 0, false).c_str());
   }
 }
 

@@ -8,6 +8,7 @@
 
 #include "experiments/flow.h"
 #include "experiments/statistics.h"
+#include "experiments/tabular.h"
 #include "solvers/registry.h"
 
 namespace granopt {
@@ -33,11 +34,11 @@ int Remark8(Output* output) {
   std::printf(
       "flow      remark 8: can gradients solve the implicit step? Strength "
       "(0.5, 0.25), 100 grains, %d states each\n\n"
-      "    Dt       tangents not    steps solved, median sweeps of those\n"
-      "    / s      pos. definite ",
+      "  steps solved, median sweeps of those; tangents that are not positive "
+      "definite\n",
       2 * seeds);
-  for (const Method& method : methods) std::printf(" %-20s", method.name);
-  std::printf("\n");
+  std::vector<std::vector<std::string>> table = {{"Dt / s", "tangents"}};
+  for (const Method& method : methods) table[0].push_back(method.name);
   Progress progress;
   // Starts, and states at t = 0.5 s.
   Json failed = Json::array();
@@ -99,8 +100,8 @@ int Remark8(Output* output) {
         }
       }
     }
-    progress.Clear();
-    std::printf("    %-7g  %2d of %-2zu      ", dt, indefinite, cases.size());
+    table.push_back(
+        {Format("%g", dt), Format("%d of %zu", indefinite, cases.size())});
     for (const Method& method : methods) {
       const std::vector<double>& s = sweeps[method.name];
       const double median = s.empty() ? 0.0 : MedianOf(s);
@@ -121,13 +122,12 @@ int Remark8(Output* output) {
                       {"median_sweeps", median},
                       {"median_cpu_seconds", cpu},
                       {"indefinite_tangents", indefinite}});
-      const std::string cell =
-          s.empty() ? "0" : Format("%zu, %g", s.size(), median);
-      std::printf(" %-20s", cell.c_str());
+      table.back().push_back(s.empty() ? "0"
+                                       : Format("%zu, %g", s.size(), median));
     }
-    std::printf("\n");
-    std::fflush(stdout);
   }
+  progress.Clear();
+  std::fputs(Grid(table, 0, false, 0).c_str(), stdout);
   std::printf(
       "\n  CPU time of a step of 0.01 s over that of jacobi (%.3g ms): lbfgs "
       "%.2g, ncg %.2g, newton %.2g\n",

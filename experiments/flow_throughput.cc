@@ -9,6 +9,7 @@
 
 #include "experiments/flow.h"
 #include "experiments/statistics.h"
+#include "experiments/tabular.h"
 
 namespace granopt {
 namespace {
@@ -94,18 +95,24 @@ int Throughput(Output* output) {
   std::printf(
       "flow      throughput of the near field (exponents 1, 2), CPU seconds of "
       "one evaluation;\n          multipoles with errors below 1e-2, 1e-3 and "
-      "1e-4 of the magnitudes of pair forces\n\n"
-      "    n        plain loop   all pairs    multipoles 1e-2, 1e-3, 1e-4      "
-      "  "
-      "     ns a pair  plain/all  a step of Verlet\n"
-      "                                                                        "
-      "    (ordered)             with contacts\n");
+      "1e-4 of the magnitudes of pair forces; ns an ordered pair\n\n");
+  std::vector<std::vector<std::string>> table = {{"n",
+                                                  "plain loop",
+                                                  "all pairs",
+                                                  "multipoles 1e-2",
+                                                  "1e-3",
+                                                  "1e-4",
+                                                  "ns a pair",
+                                                  "plain / all",
+                                                  "step of Verlet"}};
+  Progress progress;
   std::vector<int> sizes = {100, 316, 1000, 3162, 10000};
   if (!FLAGS_smoke) {
     sizes.push_back(31623);
     sizes.push_back(100000);
   }
   for (const int n : sizes) {
+    if (progress.Due()) progress.Show(Format("%d grains", n));
     FlowCase flow = MakePaperCase(
         kPaperStrengths[2], FLAGS_seed, Domain::Kind::REENTRY, false, n);
     const FlowScene& scene = *flow.scene;
@@ -204,18 +211,17 @@ int Throughput(Output* output) {
                       {"ns_per_ordered_pair", 1e9 * median[w] / pairs},
                       {"error", error}});
     }
-    std::printf("    %-7d", n);
+    table.push_back({std::to_string(n)});
     for (const int w : {0, 1, 3, 4, 5}) {
-      std::printf("  %-11s",
-                  median[w] > 0.0 ? Format("%.3g", median[w]).c_str() : "-");
+      table.back().push_back(median[w] > 0.0 ? Format("%.3g", median[w]) : "-");
     }
-    std::printf(
-        " %-10.3g %-10s",
-        1e9 * median[1] / pairs,
-        median[0] > 0.0 ? Format("%.1f", median[0] / median[1]).c_str() : "-");
-    std::printf("%.3g\n", median[2]);
-    std::fflush(stdout);
+    table.back().push_back(Format("%.3g", 1e9 * median[1] / pairs));
+    table.back().push_back(
+        median[0] > 0.0 ? Format("%.1f", median[0] / median[1]) : "-");
+    table.back().push_back(Format("%.3g", median[2]));
   }
+  progress.Clear();
+  std::fputs(Grid(table, 0, false, 0).c_str(), stdout);
   MeasureLaws(&rows);
   output->Write("throughput.csv", csv);
   output->Plot({"flow_throughput",

@@ -5,7 +5,7 @@
 #include <memory>
 #include <utility>
 
-#include "experiments/comparison.h"
+#include "experiments/cases.h"
 #include "experiments/flow_scene.h"
 #include "experiments/statistics.h"
 #include "solvers/threads.h"

@@ -9,6 +9,7 @@
 
 #include "experiments/flow.h"
 #include "experiments/statistics.h"
+#include "experiments/tabular.h"
 
 namespace granopt {
 namespace {
@@ -91,11 +92,8 @@ int WorkPrecision(Output* output) {
       fine);
   for (const int number : {2, 3, 4}) {
     const Strength strength = kPaperStrengths[number - 1];
-    std::printf(
-        "  strength %g, %g\n    stepper         TOL     Dt       "
-        "error     sweeps   CPU ms\n",
-        strength.alpha1,
-        strength.alpha2);
+    std::vector<std::vector<std::string>> table = {
+        {"stepper", "TOL", "Dt", "error", "sweeps", "CPU ms", ""}};
     struct Column {
       std::vector<double> errors, sweeps, seconds, rejected;
       int failed = 0;
@@ -171,18 +169,21 @@ int WorkPrecision(Output* output) {
                       {"sweeps", sweeps},
                       {"seconds", median},
                       {"failed", columns[c].failed}});
-      std::printf(
-          "    %-14s  %-6g  %-7g  %.2e  %-8.0f %.3g%s\n",
-          k.name.c_str(),
-          k.tolerance,
-          k.dt,
-          e.mean,
-          sweeps,
-          1e3 * median,
-          columns[c].failed == 0
-              ? ""
-              : Format("  (%d starts failed)", columns[c].failed).c_str());
+      table.push_back({k.name,
+                       Format("%g", k.tolerance),
+                       Format("%g", k.dt),
+                       Format("%.2e", e.mean),
+                       Format("%.0f", sweeps),
+                       Format("%.3g", 1e3 * median),
+                       columns[c].failed == 0
+                           ? ""
+                           : Format("%d starts failed", columns[c].failed)});
     }
+    std::printf("  strength %g, %g\n%s\n",
+                strength.alpha1,
+                strength.alpha2,
+                Grid(table, 1, false).c_str());
+    std::fflush(stdout);
   }
   PrintRatios(rows);
   for (const Json& run : failed) {

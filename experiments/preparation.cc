@@ -1,13 +1,15 @@
 #include "experiments/preparation.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <limits>
 #include <map>
 #include <utility>
 
+#include "experiments/minima.h"
+#include "experiments/tabular.h"
 #include "granular/atomic_file.h"
 #include "granular/packing_io.h"
 #include "granular/quad_residual.h"
@@ -22,6 +24,7 @@ struct Findings {
   std::vector<Contact> contacts;
   Observables observables;
   double residual = 0.0;  // mean forces, in quadruple precision
+  double quad_energy = 0.0;
   double vanishing = 0.0;
 
   bool Unjammed() const {
@@ -45,6 +48,7 @@ Findings Examined(const Packing& packing, const ContactEnergyOptions& law) {
   state.contacts = energy->Contacts(zero.data());
   state.observables = Measure(packing, state.contacts, cost);
   state.residual = judge.Relative();
+  state.quad_energy = judge.energy;
   state.vanishing = cost > 0.0 ? scales.vanishing : 0.0;
   return state;
 }
@@ -94,27 +98,16 @@ double Attribute(const Packing& packing, const char* key) {
              : std::strtod(found->second.c_str(), nullptr);
 }
 
-double Now() {
-  return std::chrono::duration<double>(
-             std::chrono::steady_clock::now().time_since_epoch())
-      .count();
+std::string SeedName(std::uint64_t seed) {
+  return "seed" + std::to_string(seed);
+}
+
+std::string NearJammingName(double distance, std::uint64_t seed) {
+  return "near_jamming_" + Neat(distance) +
+         (FLAGS_input.empty() ? "_" + SeedName(seed) : "");
 }
 
 }  // namespace
-
-Load LoadOf(const Case& c) {
-  Load load;
-  if (c.kind == "growth" || c.kind == "fig2") {
-    load.radius_factor = 1.0 + c.value;
-  } else if (c.kind == "simple_shear" || c.kind == "near_jamming") {
-    load.simple_shear = c.kind == "near_jamming" ? StrainOf(c) : c.value;
-  } else if (c.kind == "pure_shear") {
-    load.pure_shear = c.value;
-  } else if (c.kind == "random") {
-    load.perturbation = c.value;
-  }
-  return load;
-}
 
 Packing Preparation::Relaxed(std::uint64_t seed) {
   if (!FLAGS_input.empty()) {
@@ -123,19 +116,16 @@ Packing Preparation::Relaxed(std::uint64_t seed) {
     }
     return scene_.packing;
   }
-  return State(
-      Format("relaxed_seed%llu", static_cast<unsigned long long>(seed)),
-      Recipe("relaxed", seed, phi_),
-      [&] {
-        return Minimized(MakeScene(phi_, seed).packing, kTolerance, nullptr);
-      });
+  return State("relaxed_" + SeedName(seed), Recipe("relaxed", seed, phi_), [&] {
+    return Minimized(MakeScene(phi_, seed).packing, kTolerance);
+  });
 }
 
 Packing Preparation::Compressed(std::uint64_t seed, double phi) {
   if (!FLAGS_input.empty()) return Relaxed(seed);
   const double first = std::min(kCompressedFrom, phi);
   return State(
-      Format("fig2_seed%llu", static_cast<unsigned long long>(seed)),
+      "fig2_" + SeedName(seed),
       Recipe("compressed from " + Neat(first), seed, phi),
       [&] {
         Packing packing = MakeScene(first, seed).packing;
@@ -144,8 +134,7 @@ Packing Preparation::Compressed(std::uint64_t seed, double phi) {
         for (int step = 0; step <= steps; ++step) {
           stage_ = Format("compression, step %d of %d", step, steps);
           packing.SetPackingFraction(first + (phi - first) * step / steps);
-          packing =
-              Minimized(packing, step == steps ? kTolerance : 1e-8, nullptr);
+          packing = Minimized(packing, step == steps ? kTolerance : 1e-8);
         }
         return packing;
       });
@@ -159,10 +148,7 @@ bool Preparation::NearJamming(std::uint64_t seed,
   for (const double d : distances) what += " " + Neat(d);
   const std::string recipe = Recipe(what, seed, phi_);
   const auto name = [&](std::size_t k) {
-    return "near_jamming_" + Neat(distances[k]) +
-           (FLAGS_input.empty()
-                ? Format("_seed%llu", static_cast<unsigned long long>(seed))
-                : "");
+    return NearJammingName(distances[k], seed);
   };
   states->resize(distances.size());
   std::size_t reused = 0;
@@ -177,7 +163,7 @@ bool Preparation::NearJamming(std::uint64_t seed,
   for (std::size_t k = 0; k < distances.size(); ++k) {
     stage_ = "phi_J + " + Neat(distances[k]);
     packing.SetPackingFraction(jamming.phi_j + distances[k]);
-    packing = Minimized(packing, kTolerance, nullptr);
+    packing = Minimized(packing, kTolerance);
     packing.attributes["phi_j"] = Format("%.17g", jamming.phi_j);
     packing.attributes["prepared"] = recipe;
     if (k >= reused) Keep(name(k), recipe, packing);
@@ -237,54 +223,67 @@ Packing Preparation::MakeStep(const Packing& before,
   return after;
 }
 
+Packing Preparation::Step(const std::string& name,
+                          int k,
+                          double strain,
+                          const std::string& origin,
+                          const Packing& before,
+                          std::int64_t max_evaluations,
+                          bool* used_again) {
+  const std::string file = name + Format("_step_%d", k);
+  const std::string recipe =
+      Format("step %d of shear %.17g from: ", k, strain) + origin;
+  // Part of the recipe where it matters.
+  const std::string limited =
+      recipe + Format("; at most %lld evaluations",
+                      static_cast<long long>(max_evaluations));
+  Packing after;
+  *used_again = Reuse(file, recipe, &after, /*note=*/false) ||
+                Reuse(file, limited, &after, /*note=*/false);
+  if (!*used_again) {
+    const double began = WallSeconds();
+    stage_ = name + Format(", step %d", k);
+    if (expected_steps_ > 0) {
+      stage_ += Format(" (%d of %d", done_steps_ + 1, expected_steps_);
+      if (made_steps_ > 0) {
+        stage_ += Format(
+            ", %.0f s left at this rate",
+            step_seconds_ / made_steps_ * (expected_steps_ - done_steps_));
+      }
+      stage_ += ")";
+    }
+    bool gave_up = false;
+    after = MakeStep(before, strain, max_evaluations, &gave_up);
+    Keep(file, gave_up ? limited : recipe, after, /*note=*/false);
+    step_seconds_ += WallSeconds() - began;
+    ++made_steps_;
+  }
+  ++done_steps_;
+  return after;
+}
+
 std::vector<ShearStep> Preparation::Shear(const Packing& base,
-                                          const std::string& name,
+                                          const Case& c,
                                           std::uint64_t seed,
-                                          double strain,
                                           int steps,
                                           std::int64_t max_evaluations) {
+  const double strain = StrainOf(c);
+  const std::string name = NearJammingName(c.distance, seed) + "_shear_" +
+                           Neat(c.value) + (c.relative ? "x" : "");
   std::vector<ShearStep> chain;
   Packing before = base;
   const std::string origin = before.attributes["prepared"];
   Findings state_before = Examined(before, scene_.energy);
-  int used_again = 0;
-  std::map<std::string, int> kinds;
-  double residual = 0.0;
+  bool all_used_again = true;
   for (int k = 1; k <= steps; ++k) {
     ShearStep step;
     step.start = before;
     step.start.Deform(SimpleShear(before.dimension(), strain));
-    const std::string file = name + Format("_step_%d", k);
-    const std::string recipe =
-        Format("step %d of shear %.17g from: ", k, strain) + origin;
-    Packing after;
-    // Part of the recipe where it matters.
-    const std::string limited =
-        recipe + Format("; at most %lld evaluations",
-                        static_cast<long long>(max_evaluations));
-    if (Reuse(file, recipe, &after, /*note=*/false) ||
-        Reuse(file, limited, &after, /*note=*/false)) {
-      ++used_again;
-    } else {
-      const double began = Now();
-      stage_ = name + Format(", step %d", k);
-      if (expected_steps_ > 0) {
-        stage_ += Format(" (%d of %d", done_steps_ + 1, expected_steps_);
-        if (made_steps_ > 0) {
-          stage_ += Format(
-              ", %.0f s left at this rate",
-              step_seconds_ / made_steps_ * (expected_steps_ - done_steps_));
-        }
-        stage_ += ")";
-      }
-      bool gave_up = false;
-      after = MakeStep(before, strain, max_evaluations, &gave_up);
-      Keep(file, gave_up ? limited : recipe, after, /*note=*/false);
-      step_seconds_ += Now() - began;
-      ++made_steps_;
-    }
-    ++done_steps_;
-    const Findings state = Examined(after, scene_.energy);
+    bool used_again = false;
+    Packing after =
+        Step(name, k, strain, origin, before, max_evaluations, &used_again);
+    all_used_again = all_used_again && used_again;
+    Findings state = Examined(after, scene_.energy);
     const Observables& o = state.observables;
     step.displacements = Difference(after, step.start);
     step.is_rattler = o.is_rattler;
@@ -292,7 +291,9 @@ std::vector<ShearStep> Preparation::Shear(const Packing& base,
     step.residual = state.residual;
     step.vanishing = state.vanishing;
     step.mean_overlap = o.mean_overlap;
+    step.unjammed = state.Unjammed();
     StepRecord& record = step.record;
+    record.case_id = c.id;
     record.seed = seed;
     record.step = k;
     record.strain = strain;
@@ -311,16 +312,29 @@ std::vector<ShearStep> Preparation::Shear(const Packing& base,
                                   o.mean_overlap,
                                   step.displacements,
                                   o.is_rattler);
-    ++kinds[record.kind];
-    const bool unjammed = state.Unjammed();
-    if (!unjammed) residual = std::max(residual, state.residual);
+    const bool last = step.unjammed || record.minimum == "-";
     chain.push_back(std::move(step));
     before = std::move(after);
-    state_before = state;
-    if (unjammed || chain.back().record.minimum == "-") {
+    state_before = std::move(state);
+    if (last) {
       done_steps_ += steps - k;  // there is nothing to be made of them
       break;
     }
+  }
+  NoteChain(name, strain, steps, chain, all_used_again);
+  return chain;
+}
+
+void Preparation::NoteChain(const std::string& name,
+                            double strain,
+                            int steps,
+                            const std::vector<ShearStep>& chain,
+                            bool used_again) {
+  std::map<std::string, int> kinds;
+  double residual = 0.0;
+  for (const ShearStep& step : chain) {
+    ++kinds[step.record.kind];
+    if (!step.unjammed) residual = std::max(residual, step.residual);
   }
   std::string line = name + ": ";
   for (const auto& [kind, count] : kinds) {
@@ -337,13 +351,20 @@ std::vector<ShearStep> Preparation::Shear(const Packing& base,
         chain.size(),
         steps);
   }
-  if (used_again == static_cast<int>(chain.size())) line += " (used again)";
-  lines_.push_back(line);
+  lines_.push_back(line + (used_again ? " (used again)" : ""));
   Json json = {{"name", name}, {"strain", strain}, {"steps", chain.size()}};
   for (const auto& [kind, count] : kinds) json[kind] = count;
   json["quad_relative_residual"] = residual;
   json_.push_back(json);
-  return chain;
+}
+
+void Preparation::PrintLines() {
+  progress_.Clear();
+  const char* head = "prepared";
+  for (const std::string& line : lines_) {
+    std::printf("%-9s %s\n", head, line.c_str());
+    head = "";
+  }
 }
 
 std::string Preparation::Recipe(const std::string& what,
@@ -364,8 +385,17 @@ std::string Preparation::Recipe(const std::string& what,
     }
     start = Format("input %016llx", static_cast<unsigned long long>(hash));
   }
-  return what + Format("; alpha %.17g; ", scene_.energy.alpha) + start + "; " +
-         solver_.name();
+  std::string recipe = what + Format("; alpha %.17g; ", scene_.energy.alpha) +
+                       start + "; " + solver_.name();
+  // What else decides about states, where it is not as usual.
+  for (const char* flag :
+       {"size_ratio", "polydispersity", "precision", "zero_pressure"}) {
+    const auto info = gflags::GetCommandLineFlagInfoOrDie(flag);
+    if (info.current_value != info.default_value) {
+      recipe += "; " + info.name + " " + info.current_value;
+    }
+  }
+  return recipe;
 }
 
 Packing Preparation::State(const std::string& name,
@@ -416,31 +446,21 @@ void Preparation::Keep(const std::string& name,
 void Preparation::Note(const std::string& name,
                        const Packing& packing,
                        const char* remark) {
-  QuadResidual judge;
-  std::string error;
-  if (!EvaluateQuad(packing, scene_.energy, nullptr, &judge, &error)) {
-    BadInput(error);
-  }
-  const auto energy = ContactEnergy::Create(packing, scene_.energy, &error);
-  if (energy == nullptr) BadInput(error);
-  const std::vector<double> zero(energy->NumParameters(), 0.0);
-  double cost;
-  Scales scales;
-  energy->EvaluateWithScales(zero.data(), &cost, nullptr, &scales);
-  const double vanishing = cost > 0.0 ? scales.vanishing : 0.0;
+  const Findings state = Examined(packing, scene_.energy);
   const auto found = packing.attributes.find("phi_j");
   const double phi = packing.PackingFraction();
   std::string line = name + Format(": phi = %.10g, ", phi);
-  if (vanishing > FLAGS_zero_pressure) {
-    line += Format(
-        "E = %.3e, residual %.0e mean forces", judge.energy, judge.Relative());
+  if (state.Unjammed()) {
+    line += Format("unjammed, E = %.3g", state.quad_energy);
   } else {
-    line += Format("unjammed, E = %.3g", judge.energy);
+    line += Format("E = %.3e, residual %.0e mean forces",
+                   state.quad_energy,
+                   state.residual);
   }
   json_.push_back({{"name", name},
                    {"phi", phi},
-                   {"energy", judge.energy},
-                   {"quad_relative_residual", judge.Relative()}});
+                   {"energy", state.quad_energy},
+                   {"quad_relative_residual", state.residual}});
   if (found != packing.attributes.end()) {
     const double phi_j = std::strtod(found->second.c_str(), nullptr);
     line += Format(", phi - phi_J = %.3e", phi - phi_j);
@@ -467,17 +487,12 @@ SolveOptions Preparation::Options(double tolerance) {
   return options;
 }
 
-Packing Preparation::Minimized(const Packing& start,
-                               double tolerance,
-                               bool* jammed) {
+Packing Preparation::Minimized(const Packing& start, double tolerance) {
   Relaxation result;
   std::string error;
   if (!Relax(
           start, scene_.energy, solver_, Options(tolerance), &result, &error)) {
     BadInput(scene_.origin + ": " + error);
-  }
-  if (jammed != nullptr) {
-    *jammed = result.summary.reason != StopReason::VANISHED;
   }
   return Annotated(result, scene_.energy);
 }
@@ -509,10 +524,9 @@ bool Preparation::FindPhiJ(std::uint64_t seed,
         "phi_J is known to %.1e only, above %.1e", result->distance, error_bar);
   }
   if (!found) {
-    *error = (FLAGS_input.empty()
-                  ? Format("seed %llu", static_cast<unsigned long long>(seed))
-                  : FLAGS_input) +
-             ": " + why;
+    *error =
+        (FLAGS_input.empty() ? "seed " + std::to_string(seed) : FLAGS_input) +
+        ": " + why;
   }
   return found;
 }

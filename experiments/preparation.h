@@ -9,25 +9,24 @@
 #include <string>
 #include <vector>
 
-#include "experiments/comparison.h"
+#include "experiments/cases.h"
+#include "experiments/comparison_records.h"
 #include "experiments/run.h"
 #include "experiments/scene.h"
 #include "granular/jamming.h"
 
 namespace granopt {
 
-// What is done to a packing in a case, before it is relaxed.
-Load LoadOf(const Case& c);
-
 // A state under strain from which methods start, and where its own method ended
 // from there.
 struct ShearStep {
   Packing start;
-  StepRecord record;  // without case_id
+  StepRecord record;
   // For Minima::Tag(). Displacements from `start`.
   std::vector<double> displacements;
   std::vector<bool> is_rattler;
   double energy = 0.0, residual = 0.0, vanishing = 0.0, mean_overlap = 0.0;
+  bool unjammed = false;
 };
 
 // Makes states by a method of its own and keeps them as
@@ -70,17 +69,15 @@ class Preparation {
                    std::vector<Packing>* states,
                    std::string* error);
 
-  // A chain of `steps` shear steps from `base`, one of the NearJamming()
-  // states: each deforms the state before by `strain` and relaxes it. `name`
-  // tells its files from those of other chains:
-  // OUT/prepared_<name>_step_<k>.xyz hold the relaxed states and what was found
-  // about their steps. A relaxation gives up after `max_evaluations` (0:
-  // never). A state that has become unjammed or is at no minimum is the last
-  // one: nothing after it is a step near jamming.
+  // A chain of `steps` shear steps of the case near_jamming `c` from `base`,
+  // the NearJamming() state at its distance: each deforms the state before by
+  // StrainOf(c) and relaxes it. OUT/prepared_<name>_step_<k>.xyz hold the
+  // relaxed states and what was found about their steps. A relaxation gives up
+  // after `max_evaluations` (0: never). A state that has become unjammed or is
+  // at no minimum is the last one: nothing after it is a step near jamming.
   std::vector<ShearStep> Shear(const Packing& base,
-                               const std::string& name,
+                               const Case& c,
                                std::uint64_t seed,
-                               double strain,
                                int steps,
                                std::int64_t max_evaluations);
   // How many steps all calls of Shear() will ask for, for the progress line.
@@ -90,6 +87,8 @@ class Preparation {
 
   // What was made so far: one line a state, and the same for summary.json.
   const std::vector<std::string>& lines() const { return lines_; }
+  // Prints the lines, in place of the progress.
+  void PrintLines();
   const Json& json() const { return json_; }
 
  private:
@@ -113,6 +112,20 @@ class Preparation {
             const Packing& packing,
             const char* remark);
 
+  // Step k of the chain `name` from `before`: made before, from its file, or
+  // made now.
+  Packing Step(const std::string& name,
+               int k,
+               double strain,
+               const std::string& origin,
+               const Packing& before,
+               std::int64_t max_evaluations,
+               bool* used_again);
+  void NoteChain(const std::string& name,
+                 double strain,
+                 int steps,
+                 const std::vector<ShearStep>& chain,
+                 bool used_again);
   // One step of a chain from `before`; `gave_up`: a relaxation did.
   Packing MakeStep(const Packing& before,
                    double strain,
@@ -120,8 +133,7 @@ class Preparation {
                    bool* gave_up);
 
   SolveOptions Options(double tolerance);
-  // `jammed` may be null.
-  Packing Minimized(const Packing& start, double tolerance, bool* jammed);
+  Packing Minimized(const Packing& start, double tolerance);
   bool FindPhiJ(std::uint64_t seed,
                 double error_bar,
                 JammingResult* result,

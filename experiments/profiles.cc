@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "experiments/minima.h"
+#include "experiments/report_text.h"
 #include "experiments/tabular.h"
 #include "solvers/format.h"
 
@@ -11,6 +13,7 @@ namespace granopt {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 // The place of a label; -1 if there is none.
 int IndexOf(const std::vector<Method>& methods, const std::string& label) {
@@ -18,14 +21,6 @@ int IndexOf(const std::vector<Method>& methods, const std::string& label) {
     if (methods[m].label == label) return static_cast<int>(m);
   }
   return -1;
-}
-
-// Column `method` of [problem][method].
-std::vector<double> Column(const std::vector<std::vector<double>>& table,
-                           std::size_t method) {
-  std::vector<double> column;
-  for (const std::vector<double>& row : table) column.push_back(row[method]);
-  return column;
 }
 
 std::string Percent(double fraction) {
@@ -63,6 +58,13 @@ double ValueAt(const StepFunction& steps, double at) {
     fraction = point.fraction;
   }
   return fraction;
+}
+
+std::vector<double> Column(const std::vector<std::vector<double>>& table,
+                           std::size_t method) {
+  std::vector<double> column;
+  for (const std::vector<double>& row : table) column.push_back(row[method]);
+  return column;
 }
 
 std::vector<std::vector<double>> PerformanceRatios(
@@ -202,12 +204,6 @@ std::string QualitiesCsv(const std::vector<Quality>& qualities) {
 std::string ProfilesText(const std::vector<Profile>& profiles, bool markdown) {
   std::string text;
   for (const Profile& profile : profiles) {
-    text += (markdown ? "## " : "\n") +
-            Format("performance profile, %s, %d problems (%s)",
-                   MeasureName(profile.measure).c_str(),
-                   profile.count,
-                   profile.problems.c_str()) +
-            "\n" + (markdown ? "\n" : "");
     std::vector<std::vector<std::string>> rows = {
         {"method", "cheapest", "within 2 x", "within 10 x", "solved"}};
     for (std::size_t m = 0; m < profile.methods.size(); ++m) {
@@ -218,18 +214,20 @@ std::string ProfilesText(const std::vector<Profile>& profiles, bool markdown) {
                       Percent(ValueAt(steps, 10.0)),
                       Format("%d of %d", profile.solved[m], profile.count)});
     }
-    text += Grid(rows, 0, markdown) + (markdown ? "\n" : "");
+    text += Heading(Format("performance profile, %s, %d problems (%s)",
+                           MeasureName(profile.measure).c_str(),
+                           profile.count,
+                           profile.problems.c_str()),
+                    markdown) +
+            Block(Grid(rows, 0, markdown), markdown);
   }
   if (text.empty()) return text;
-  for (const char* line :
-       {"part of the problems that a method solved with at most so many times "
-        "the work of the cheapest method of each;",
-        "the order of two methods below the best may change when a third is "
-        "left out"}) {
-    text += (markdown ? "" : "  ") + std::string(line) + "\n";
-  }
-  if (markdown) text += "\n";
-  return text;
+  return text +
+         Paragraph({"part of the problems that a method solved with at most "
+                    "so many times the work of the cheapest method of each;",
+                    "the order of two methods below the best may change when "
+                    "a third is left out"},
+                   markdown);
 }
 
 std::string QualitiesText(const std::vector<Quality>& qualities,
@@ -237,12 +235,6 @@ std::string QualitiesText(const std::vector<Quality>& qualities,
   std::string text;
   for (const Quality& quality : qualities) {
     const bool excess = quality.measure == "excess";
-    text += (markdown ? "## " : "\n") +
-            Format("quality profile, %s, %d problems (%s)",
-                   MeasureName(quality.measure).c_str(),
-                   quality.count,
-                   quality.problems.c_str()) +
-            "\n" + (markdown ? "\n" : "");
     const std::vector<double> bounds =
         excess ? std::vector<double>{1.0, 10.0, 100.0}
                : std::vector<double>{1e-9, 1e-6, 1e-3};
@@ -250,22 +242,16 @@ std::string QualitiesText(const std::vector<Quality>& qualities,
     for (const double bound : bounds) rows[0].push_back("<= " + Neat(bound));
     rows[0].push_back("as " + quality.reference + ": " + quality.agreement);
     for (std::size_t m = 0; m < quality.methods.size(); ++m) {
-      rows.push_back({quality.methods[m].label});
+      const std::string& label = quality.methods[m].label;
+      rows.push_back({label});
       for (const double bound : bounds) {
         rows.back().push_back(Percent(ValueAt(quality.steps[m], bound)));
       }
-      const Interval interval = Wilson(quality.agree[m], quality.judged[m]);
-      rows.back().push_back(quality.judged[m] == 0 ||
-                                    quality.methods[m].label ==
-                                        quality.reference
-                                ? "-"
-                                : Format("%d of %d (%.0f-%.0f %%)",
-                                         quality.agree[m],
-                                         quality.judged[m],
-                                         100.0 * interval.low,
-                                         100.0 * interval.high));
+      rows.back().push_back(
+          quality.judged[m] == 0 || label == quality.reference
+              ? "-"
+              : WithInterval(quality.agree[m], quality.judged[m]));
     }
-    text += Grid(rows, 0, markdown) + (markdown ? "\n" : "");
     std::vector<std::string> lines;
     if (excess) {
       lines = {
@@ -287,12 +273,57 @@ std::string QualitiesText(const std::vector<Quality>& qualities,
           "last column: problems that end in the reference's minimum, in "
           "brackets Wilson's 95 % interval"};
     }
-    for (const std::string& line : lines) {
-      text += (markdown ? "" : "  ") + line + "\n";
-    }
-    if (markdown) text += "\n";
+    text += Heading(Format("quality profile, %s, %d problems (%s)",
+                           MeasureName(quality.measure).c_str(),
+                           quality.count,
+                           quality.problems.c_str()),
+                    markdown) +
+            Block(Grid(rows, 0, markdown), markdown) +
+            Paragraph(lines, markdown);
   }
   return text;
+}
+
+Problems CollectProblems(const ComparisonSetup& setup,
+                         const std::vector<Event>& events,
+                         const std::vector<RunRecord>& runs) {
+  const RunIndex index(events, runs);
+  Problems problems;
+  problems.methods = setup.methods;
+  for (const Case& c : setup.cases) {
+    for (const std::uint64_t seed : setup.seeds) {
+      for (int step = 1; step <= StepsOf(setup, c); ++step) {
+        const Place place(c.id, seed, step);
+        std::vector<double> evaluations, seconds, energies;
+        std::vector<std::string> minima;
+        for (const Method& method : setup.methods) {
+          std::vector<double> counts, times;
+          for (int r = 1; r <= setup.repetitions; ++r) {
+            const RunRecord* run = index.Find(place, method.label, r);
+            if (run == nullptr) continue;
+            const Work* work = index.Reached(*run, setup.levels[0]);
+            counts.push_back(work == nullptr
+                                 ? kInfinity
+                                 : static_cast<double>(work->evaluations));
+            times.push_back(work == nullptr ? kInfinity : work->cpu_seconds);
+          }
+          // Not run: such a problem is left out.
+          if (counts.empty()) break;
+          evaluations.push_back(MedianOf(counts));
+          seconds.push_back(MedianOf(times));
+          const RunRecord* first = index.Find(place, method.label, 1);
+          energies.push_back(first == nullptr ? kNan : first->energy);
+          minima.push_back(first == nullptr ? "-" : first->minimum);
+        }
+        if (evaluations.size() < setup.methods.size()) continue;
+        problems.evaluations.push_back(evaluations);
+        problems.cpu_seconds.push_back(seconds);
+        problems.energies.push_back(energies);
+        problems.minima.push_back(minima);
+      }
+    }
+  }
+  return problems;
 }
 
 ComparisonProfiles MakeComparisonProfiles(const ComparisonSetup& setup,

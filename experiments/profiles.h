@@ -5,10 +5,11 @@
 #ifndef GRANOPT_EXPERIMENTS_PROFILES_H_
 #define GRANOPT_EXPERIMENTS_PROFILES_H_
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
-#include "experiments/comparison.h"
+#include "experiments/comparison_records.h"
 
 namespace granopt {
 
@@ -27,6 +28,10 @@ using StepFunction = std::vector<StepPoint>;
 // only.
 StepFunction Distribution(const std::vector<double>& values, int total);
 double ValueAt(const StepFunction& steps, double at);
+
+// Column `method` of [problem][method].
+std::vector<double> Column(const std::vector<std::vector<double>>& table,
+                           std::size_t method);
 
 // Performance ratios of Dolan and More (Math. Program. 91 (2002) 201, eq. 1)
 //   r_ps = t_ps / min_s' t_ps'
@@ -73,6 +78,19 @@ struct Quality {
   // Problems in which a method agrees, of those in which it can be said.
   std::vector<int> agree, judged;
 };
+// What profiles are made of: each case, seed and step in which every method was
+// run is a problem; [problem][method], methods in the order of the setup. Costs
+// are those of the first level, medians over repetitions, infinite if it was
+// not reached; energies and minima those at the end of the first repetition.
+struct Problems {
+  std::vector<Method> methods;
+  std::vector<std::vector<double>> evaluations, cpu_seconds, energies;
+  std::vector<std::vector<std::string>> minima;
+};
+Problems CollectProblems(const ComparisonSetup& setup,
+                         const std::vector<Event>& events,
+                         const std::vector<RunRecord>& runs);
+
 // Of an ordinary comparison; `reference` is a label. A method at no minimum
 // agrees with none; a problem in which the reference is at none is not judged.
 Quality MakeQuality(const Problems& problems, const std::string& reference);

@@ -151,6 +151,10 @@ bool IsGiven(const char* flag) {
   return !gflags::GetCommandLineFlagInfoOrDie(flag).is_default;
 }
 
+void Require(bool good, const char* flag, const std::string& error) {
+  if (!good) BadInput(std::string("--") + flag + ": " + error);
+}
+
 void CheckRange(const char* flag, double value, double low, double high) {
   if (value >= low && value <= high) return;
   BadInput(Format("--%s=%g must be in [%g, %g]", flag, value, low, high));
@@ -411,6 +415,12 @@ double CpuSeconds() {
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
   return static_cast<double>(now.tv_sec) +
          1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+double WallSeconds() {
+  return std::chrono::duration<double>(
+             std::chrono::steady_clock::now().time_since_epoch())
+      .count();
 }
 
 std::string Describe(const Packing& packing) {

@@ -37,6 +37,9 @@ void ParseFlags(int* argc, char*** argv, const char* purpose);
 // True if the user gave the flag.
 bool IsGiven(const char* flag);
 
+// BadInput "--flag: error" unless `good`.
+void Require(bool good, const char* flag, const std::string& error);
+
 // Checks that the number a flag holds lies in [low, high] (or in (low, high]).
 void CheckRange(const char* flag, double value, double low, double high);
 void CheckPositive(const char* flag, double value);
@@ -96,6 +99,8 @@ Packing Annotated(const Relaxation& relaxation,
 
 // Of this process, all threads.
 double CpuSeconds();
+// Of a clock that only goes on.
+double WallSeconds();
 
 // "4096 discs, radii 0.0063 to 0.0089"
 std::string Describe(const Packing& packing);

@@ -78,7 +78,7 @@ struct Plan {
 Plan CheckFlags() {
   Plan plan;
   std::string error;
-  if (!ParseNumbers(FLAGS_distances, &plan.distances, &error)) {
+  if (!ParsePositives(FLAGS_distances, &plan.distances, &error)) {
     BadInput("--distances: " + error);
   }
   for (const double distance : plan.distances) {
@@ -88,7 +88,7 @@ Plan CheckFlags() {
   }
   std::sort(plan.distances.begin(), plan.distances.end());
   if (!FLAGS_spectra.empty() &&
-      !ParseNumbers(FLAGS_spectra, &plan.spectra, &error)) {
+      !ParsePositives(FLAGS_spectra, &plan.spectra, &error)) {
     BadInput("--spectra: " + error);
   }
   for (const double distance : plan.spectra) {
@@ -483,7 +483,7 @@ void PrintExponents(const std::vector<Exponent>& exponents) {
 int RunMany(const Ensemble& ensemble, const Plan& plan) {
   std::vector<double> alphas;
   std::string error;
-  if (!ParseNumbers(FLAGS_alphas, &alphas, &error)) {
+  if (!ParsePositives(FLAGS_alphas, &alphas, &error)) {
     BadInput("--alphas: " + error);
   }
   for (const double alpha : alphas) {

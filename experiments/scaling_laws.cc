@@ -12,38 +12,39 @@
 #include "solvers/random.h"
 
 namespace granopt {
-namespace {
 
-constexpr auto kColumns = [](auto& state, auto&& visit) {
-  visit("particles", state.particles);
-  visit("seed", state.seed);
-  visit("alpha", state.alpha);
-  visit("dimension", state.dimension);
-  visit("asked", state.asked);
-  visit("phi_j", state.phi_j);
-  visit("distance", state.distance);
-  visit("pressure", state.pressure);
-  visit("reduced", state.reduced);
-  visit("bulk", state.bulk);
-  visit("bulk_box", state.bulk_box);
-  visit("bulk_affine", state.bulk_affine);
-  visit("shear", state.shear);
-  visit("shear_mean", state.shear_mean);
-  visit("shear_least", state.shear_least);
-  visit("shear_affine", state.shear_affine);
-  visit("coordination", state.coordination);
-  visit("excess", state.excess);
-  visit("excess_contacts", state.excess_contacts);
-  visit("rigid_grains", state.rigid_grains);
-  visit("rattlers", state.rattlers);
-  visit("fabric_isotropic", state.fabric_isotropic);
-  visit("fabric_deviatoric", state.fabric_deviatoric);
-  visit("stress_deviatoric", state.stress_deviatoric);
-  visit("mean_force", state.mean_force);
-  visit("mean_overlap", state.mean_overlap);
-  visit("stiffness", state.stiffness);
-  visit("residual", state.residual);
-};
+static void Columns(ScalingState* state, CsvColumns* columns) {
+  columns->Add("particles", &state->particles);
+  columns->Add("seed", &state->seed);
+  columns->Add("alpha", &state->alpha);
+  columns->Add("dimension", &state->dimension);
+  columns->Add("asked", &state->asked);
+  columns->Add("phi_j", &state->phi_j);
+  columns->Add("distance", &state->distance);
+  columns->Add("pressure", &state->pressure);
+  columns->Add("reduced", &state->reduced);
+  columns->Add("bulk", &state->bulk);
+  columns->Add("bulk_box", &state->bulk_box);
+  columns->Add("bulk_affine", &state->bulk_affine);
+  columns->Add("shear", &state->shear);
+  columns->Add("shear_mean", &state->shear_mean);
+  columns->Add("shear_least", &state->shear_least);
+  columns->Add("shear_affine", &state->shear_affine);
+  columns->Add("coordination", &state->coordination);
+  columns->Add("excess", &state->excess);
+  columns->Add("excess_contacts", &state->excess_contacts);
+  columns->Add("rigid_grains", &state->rigid_grains);
+  columns->Add("rattlers", &state->rattlers);
+  columns->Add("fabric_isotropic", &state->fabric_isotropic);
+  columns->Add("fabric_deviatoric", &state->fabric_deviatoric);
+  columns->Add("stress_deviatoric", &state->stress_deviatoric);
+  columns->Add("mean_force", &state->mean_force);
+  columns->Add("mean_overlap", &state->mean_overlap);
+  columns->Add("stiffness", &state->stiffness);
+  columns->Add("residual", &state->residual);
+}
+
+namespace {
 
 struct Quantity {
   const char* name;
@@ -95,7 +96,7 @@ bool FitMedians(const std::vector<std::vector<double>>& x,
 }  // namespace
 
 std::string StatesCsv(const std::vector<ScalingState>& states) {
-  return RowsCsv(states, kColumns);
+  return FormatCsv(states);
 }
 
 bool ReadStates(const std::string& text,
@@ -103,7 +104,7 @@ bool ReadStates(const std::string& text,
                 std::vector<ScalingState>* states,
                 std::string* error) {
   std::vector<ScalingState> read;
-  if (!ParseRows(text, name, kColumns, &read, error)) return false;
+  if (!ParseCsv(text, name, &read, error)) return false;
   states->insert(states->end(), read.begin(), read.end());
   return true;
 }

@@ -182,7 +182,7 @@ std::vector<double> CheckFlags(DeformationMode mode) {
   }
   std::vector<double> increments;
   std::string error;
-  if (!ParseNumbers(FLAGS_increments, &increments, &error)) {
+  if (!ParsePositives(FLAGS_increments, &increments, &error)) {
     BadInput("--increments: " + error);
   }
   for (const double increment : increments) {

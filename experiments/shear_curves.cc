@@ -6,31 +6,32 @@
 #include "experiments/tabular.h"
 
 namespace granopt {
-namespace {
 
-constexpr auto kColumns = [](auto& row, auto&& visit) {
-  visit("increment", row.increment);
-  visit("step", row.step);
-  visit("strain", row.strain);
-  visit("energy", row.energy);
-  visit("work", row.work);
-  visit("dissipated", row.dissipated);
-  visit("stress_iso", row.stress_iso);
-  visit("stress_dev", row.stress_dev);
-  visit("fabric_iso", row.fabric_iso);
-  visit("fabric_dev", row.fabric_dev);
-  visit("conjugate", row.conjugate);
-  visit("pressure", row.pressure);
-  visit("shear_stress", row.shear_stress);
-  visit("phi", row.phi);
-  visit("coordination", row.coordination);
-  visit("contacts", row.contacts);
-  visit("rattlers", row.rattlers);
-  visit("iterations", row.iterations);
-  visit("evaluations", row.evaluations);
-  visit("residual", row.residual, 6);
-  visit("converged", row.converged);
-};
+static void Columns(StrainRow* row, CsvColumns* columns) {
+  columns->Add("increment", &row->increment);
+  columns->Add("step", &row->step);
+  columns->Add("strain", &row->strain);
+  columns->Add("energy", &row->energy);
+  columns->Add("work", &row->work);
+  columns->Add("dissipated", &row->dissipated);
+  columns->Add("stress_iso", &row->stress_iso);
+  columns->Add("stress_dev", &row->stress_dev);
+  columns->Add("fabric_iso", &row->fabric_iso);
+  columns->Add("fabric_dev", &row->fabric_dev);
+  columns->Add("conjugate", &row->conjugate);
+  columns->Add("pressure", &row->pressure);
+  columns->Add("shear_stress", &row->shear_stress);
+  columns->Add("phi", &row->phi);
+  columns->Add("coordination", &row->coordination);
+  columns->Add("contacts", &row->contacts);
+  columns->Add("rattlers", &row->rattlers);
+  columns->Add("iterations", &row->iterations);
+  columns->Add("evaluations", &row->evaluations);
+  columns->Add("residual", &row->residual, 6);
+  columns->Add("converged", &row->converged);
+}
+
+namespace {
 
 // The curves of one increment each, in order.
 std::vector<std::vector<StrainRow>> CurvesOf(
@@ -77,13 +78,13 @@ StrainRow RowOf(double increment,
 }
 
 std::string CurvesCsv(const std::vector<StrainRow>& rows) {
-  return RowsCsv(rows, kColumns);
+  return FormatCsv(rows);
 }
 
 bool ParseCurves(const std::string& csv,
                  std::vector<StrainRow>* rows,
                  std::string* error) {
-  return ParseRows(csv, "curves.csv", kColumns, rows, error);
+  return ParseCsv(csv, "curves.csv", rows, error);
 }
 
 std::vector<Agreement> CompareIncrements(const std::vector<StrainRow>& rows) {

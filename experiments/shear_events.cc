@@ -8,6 +8,27 @@
 #include "granular/packing_io.h"
 
 namespace granopt {
+
+static void Columns(EventRow* row, CsvColumns* columns) {
+  columns->Add("strain_before", &row->strain_before);
+  columns->Add("strain_after", &row->strain_after);
+  columns->Add("energy", &row->energy);
+  columns->Add("energy_drop", &row->energy_drop);
+  columns->Add("stress_drop", &row->stress_drop);
+  columns->Add("pressure_drop", &row->pressure_drop);
+  columns->Add("participation", &row->participation);
+  columns->Add("contacts_opened", &row->opened);
+  columns->Add("contacts_closed", &row->closed);
+  columns->Add("reversal_energy", &row->reversal_energy);
+  columns->Add("reversal_displacement", &row->reversal_displacement);
+  columns->Add("relaxations", &row->relaxations);
+  columns->Add("m0", &row->harmonics[0]);
+  columns->Add("m1", &row->harmonics[1]);
+  columns->Add("m2", &row->harmonics[2]);
+  columns->Add("m3", &row->harmonics[3]);
+  columns->Add("m4", &row->harmonics[4]);
+}
+
 namespace {
 
 // More in one step are not looked for.
@@ -17,26 +38,6 @@ constexpr int kHarmonics = 7;
 // The far field, in cells: beyond the core, within the nearest image.
 constexpr double kInner = 0.15;
 constexpr double kOuter = 0.45;
-
-constexpr auto kColumns = [](auto& row, auto&& visit) {
-  visit("strain_before", row.strain_before);
-  visit("strain_after", row.strain_after);
-  visit("energy", row.energy);
-  visit("energy_drop", row.energy_drop);
-  visit("stress_drop", row.stress_drop);
-  visit("pressure_drop", row.pressure_drop);
-  visit("participation", row.participation);
-  visit("contacts_opened", row.opened);
-  visit("contacts_closed", row.closed);
-  visit("reversal_energy", row.reversal_energy);
-  visit("reversal_displacement", row.reversal_displacement);
-  visit("relaxations", row.relaxations);
-  visit("m0", row.harmonics[0]);
-  visit("m1", row.harmonics[1]);
-  visit("m2", row.harmonics[2]);
-  visit("m3", row.harmonics[3]);
-  visit("m4", row.harmonics[4]);
-};
 
 EventRow RowOf(const PlasticEvent& event) {
   EventRow row;
@@ -115,13 +116,13 @@ EventCatalogue EventCatalogueOf(const Json& json) {
 }
 
 std::string EventsCsv(const std::vector<EventRow>& rows) {
-  return RowsCsv(rows, kColumns);
+  return FormatCsv(rows);
 }
 
 bool ParseEvents(const std::string& csv,
                  std::vector<EventRow>* rows,
                  std::string* error) {
-  return ParseRows(csv, "events.csv", kColumns, rows, error);
+  return ParseCsv(csv, "events.csv", rows, error);
 }
 
 bool NoteEvents(const QuasistaticShearState& before,

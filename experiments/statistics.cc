@@ -38,6 +38,11 @@ Quantiles QuantilesOf(std::vector<double> values) {
           QuantileOfSorted(values, 0.8)};
 }
 
+MedianWorst MedianAndWorst(const std::vector<double>& values) {
+  if (values.empty()) return {kNan, kNan};
+  return {MedianOf(values), *std::max_element(values.begin(), values.end())};
+}
+
 MeanDeviation MeanAndDeviation(const std::vector<double>& values) {
   if (values.empty()) return {kNan, kNan, kNan};
   const double n = static_cast<double>(values.size());
@@ -68,6 +73,18 @@ double ConfidenceFactor(int n) {
 bool AreEqual(double difference, double error, int n) {
   return std::isfinite(difference) &&
          std::fabs(difference) <= ConfidenceFactor(n) * error;
+}
+
+Interval Wilson(int count, int trials) {
+  if (trials <= 0) return {};
+  constexpr double kZ = 1.959963984540054;  // two-sided 95 % of a normal
+  const double n = trials, p = count / n, z2 = kZ * kZ / n;
+  const double centre = (p + 0.5 * z2) / (1.0 + z2);
+  const double half =
+      kZ / (1.0 + z2) * std::sqrt(p * (1.0 - p) / n + 0.25 * z2 / n);
+  // Exact where the formula is so but for roundoff.
+  return {count == 0 ? 0.0 : std::max(0.0, centre - half),
+          count == trials ? 1.0 : std::min(1.0, centre + half)};
 }
 
 }  // namespace granopt

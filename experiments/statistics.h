@@ -19,6 +19,11 @@ struct Quantiles {
 };
 Quantiles QuantilesOf(std::vector<double> values);
 
+struct MedianWorst {
+  double median = 0.0, worst = 0.0;  // NaN without values
+};
+MedianWorst MedianAndWorst(const std::vector<double>& values);
+
 // Of n finite values, with n - 1; NaN without values, no deviation of one. Sums
 // are of differences from the first: values may be alike in many digits.
 struct MeanDeviation {
@@ -33,6 +38,13 @@ MeanDeviation MeanAndDeviation(const std::vector<double>& values);
 double ConfidenceFactor(int n);
 // True if n values do not tell the mean of a difference from 0, on either side.
 bool AreEqual(double difference, double error, int n);
+
+// Wilson's 95 % interval of a probability of which `count` of `trials` were
+// seen; (0, 1) without trials.
+struct Interval {
+  double low = 0.0, high = 1.0;
+};
+Interval Wilson(int count, int trials);
 
 }  // namespace granopt
 

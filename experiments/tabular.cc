@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <cmath>
 #include <cstdlib>
+#include <set>
 
 #include "solvers/format.h"
 
@@ -60,9 +61,9 @@ bool ParseNumbers(const std::string& text, std::vector<double>* values) {
   return true;
 }
 
-bool ParseNumbers(const std::string& text,
-                  std::vector<double>* numbers,
-                  std::string* error) {
+bool ParsePositives(const std::string& text,
+                    std::vector<double>* numbers,
+                    std::string* error) {
   numbers->clear();
   for (const std::string& entry : Split(text, ',')) {
     double value = 0.0;
@@ -83,6 +84,7 @@ bool ParseSeeds(const std::string& text,
                 std::string* error) {
   constexpr std::uint64_t kMost = 100000;
   seeds->clear();
+  std::set<std::uint64_t> known;
   for (const std::string& entry : Split(text, ',')) {
     const std::size_t dash = entry.find('-');
     std::int64_t first = -1, last = -1;
@@ -97,15 +99,13 @@ bool ParseSeeds(const std::string& text,
       return Fail("'" + entry + "' is no seed and no range of seeds like 1-3",
                   error);
     }
-    for (std::int64_t seed = first; seed <= last; ++seed) {
-      if (std::count(seeds->begin(),
-                     seeds->end(),
-                     static_cast<std::uint64_t>(seed)) > 0) {
-        return Fail(
-            Format("seed %lld is given twice", static_cast<long long>(seed)),
-            error);
+    // Counted from 0: the last seed may be the largest integer.
+    for (std::int64_t k = 0; k <= last - first; ++k) {
+      const std::uint64_t seed = static_cast<std::uint64_t>(first + k);
+      if (!known.insert(seed).second) {
+        return Fail("seed " + std::to_string(seed) + " is given twice", error);
       }
-      seeds->push_back(static_cast<std::uint64_t>(seed));
+      seeds->push_back(seed);
     }
   }
   return true;
@@ -130,7 +130,20 @@ std::string Number(std::int64_t value) {
   return Format("%lld", static_cast<long long>(value));
 }
 
-std::string Number(int value) { return std::to_string(value); }
+std::string Neat(double value) {
+  const double size = std::abs(value);
+  const bool scientific = size > 0.0 && (size < 0.1 || size >= 1e6);
+  std::string text;
+  for (int digits = 1; digits <= 17; ++digits) {
+    text = scientific ? Format("%.*e", digits - 1, value)
+                      : Format("%.*g", std::max(digits, 6), value);
+    if (std::strtod(text.c_str(), nullptr) == value) break;
+  }
+  const std::size_t e = text.find('e');
+  if (e == std::string::npos) return text;
+  const int exponent = std::atoi(text.c_str() + e + 1);
+  return text.substr(0, e + 1) + std::to_string(exponent);
+}
 
 std::string NumbersCsv(const std::vector<std::string>& columns,
                        const std::vector<std::vector<double>>& rows) {
@@ -197,8 +210,11 @@ void CsvReader::Read(const char* column, std::uint64_t* value) {
   std::string text;
   Read(column, &text);
   char* end = nullptr;
+  errno = 0;
   *value = std::strtoull(text.c_str(), &end, 10);
-  if (text.empty() || *end != '\0') NotNumber(column, text);
+  if (text.empty() || text[0] == '-' || *end != '\0' || errno != 0) {
+    NotNumber(column, text);
+  }
 }
 
 void CsvReader::Read(const char* column, bool* value) {
@@ -242,6 +258,63 @@ bool CsvReader::Next(std::vector<std::string>* fields) {
     }
   }
   return true;
+}
+
+void CsvColumns::Add(const char* name, std::string* value) {
+  if (reader_ != nullptr)
+    reader_->Read(name, value);
+  else
+    Write(name, Field(*value));
+}
+
+void CsvColumns::Add(const char* name, int* value) {
+  if (reader_ != nullptr)
+    reader_->Read(name, value);
+  else
+    Write(name, Number(std::int64_t{*value}));
+}
+
+void CsvColumns::Add(const char* name, std::int64_t* value) {
+  if (reader_ != nullptr)
+    reader_->Read(name, value);
+  else
+    Write(name, Number(*value));
+}
+
+void CsvColumns::Add(const char* name, std::uint64_t* value) {
+  if (reader_ != nullptr)
+    reader_->Read(name, value);
+  else
+    Write(name, std::to_string(*value));
+}
+
+void CsvColumns::Add(const char* name, bool* value) {
+  if (reader_ != nullptr)
+    reader_->Read(name, value);
+  else
+    Write(name, *value ? "1" : "0");
+}
+
+void CsvColumns::Add(const char* name,
+                     double* value,
+                     std::string (*print)(double)) {
+  if (reader_ != nullptr)
+    reader_->Read(name, value);
+  else
+    Write(name, print(*value));
+}
+
+void CsvColumns::Add(const char* name, double* value, int digits) {
+  if (reader_ != nullptr)
+    reader_->Read(name, value);
+  else
+    Write(name, Number(*value, digits));
+}
+
+void CsvColumns::Write(const char* name, const std::string& field) {
+  const char* const comma = header_.empty() ? "" : ",";
+  header_ += comma + std::string(name);
+  row_ += comma + field;
 }
 
 // ---------------------------------------------------------------- text
@@ -289,21 +362,6 @@ std::string Grid(const std::vector<std::vector<std::string>>& rows,
     }
   }
   return text;
-}
-
-std::string Neat(double value) {
-  const double size = std::abs(value);
-  const bool scientific = size > 0.0 && (size < 0.1 || size >= 1e6);
-  std::string text;
-  for (int digits = 1; digits <= 17; ++digits) {
-    text = scientific ? Format("%.*e", digits - 1, value)
-                      : Format("%.*g", std::max(digits, 6), value);
-    if (std::strtod(text.c_str(), nullptr) == value) break;
-  }
-  const std::size_t e = text.find('e');
-  if (e == std::string::npos) return text;
-  const int exponent = std::atoi(text.c_str() + e + 1);
-  return text.substr(0, e + 1) + std::to_string(exponent);
 }
 
 std::string Count(double value) {

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <map>
 #include <string>
-#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -26,9 +25,9 @@ std::vector<std::string> Split(const std::string& text, char separator);
 bool ParseNumbers(const std::string& text, std::vector<double>* values);
 // "1e-2,1e-3": numbers that are all positive, each once; else one line in
 // `error`.
-bool ParseNumbers(const std::string& text,
-                  std::vector<double>* numbers,
-                  std::string* error);
+bool ParsePositives(const std::string& text,
+                    std::vector<double>* numbers,
+                    std::string* error);
 // "1-3,7", each once.
 bool ParseSeeds(const std::string& text,
                 std::vector<std::uint64_t>* seeds,
@@ -40,7 +39,8 @@ bool ParseSeeds(const std::string& text,
 std::string Field(const std::string& text);
 std::string Number(double value, int digits = 17);
 std::string Number(std::int64_t value);
-std::string Number(int value);
+// "5e-5", "0.01": as people write it, and read back exactly.
+std::string Neat(double value);
 // A header of the columns and a line a row, each of as many numbers.
 std::string NumbersCsv(const std::vector<std::string>& columns,
                        const std::vector<std::vector<double>>& rows);
@@ -83,51 +83,73 @@ class CsvReader {
   std::string error_;
 };
 
-// Tables of one struct a row, whose columns are named once: columns(row, visit)
-// calls visit("name", row.name) for each, or visit("name", row.name, digits).
-template <typename Row, typename Columns>
-std::string RowsCsv(const std::vector<Row>& rows, const Columns& columns) {
-  std::string csv;
-  const Row head{};
-  columns(head, [&csv](const char* name, const auto&, int = 17) {
-    csv += (csv.empty() ? "" : ",") + std::string(name);
-  });
-  csv += "\n";
-  for (const Row& row : rows) {
-    std::string line;
-    columns(row, [&line](const char*, const auto& value, int digits = 17) {
-      line += line.empty() ? "" : ",";
-      if constexpr (std::is_same_v<decltype(value), const double&>) {
-        line += Number(value, digits);
-      } else {
-        line += Number(value);
-      }
-    });
-    csv += line + "\n";
+// The columns of a file, which a function
+//
+//   void Columns(Record* record, CsvColumns* columns) {
+//     columns->Add("seed", &record->seed);
+//     ...
+//   }
+//
+// names once: for the header, for writing a row and for reading one.
+class CsvColumns {
+ public:
+  CsvColumns() = default;
+  // Reads the reader's row instead of writing one.
+  explicit CsvColumns(CsvReader* reader) : reader_(reader) {}
+
+  void Add(const char* name, std::string* value);
+  void Add(const char* name, int* value);
+  void Add(const char* name, std::int64_t* value);
+  void Add(const char* name, std::uint64_t* value);
+  void Add(const char* name, bool* value);  // 0 or 1
+  void Add(const char* name, double* value, int digits = 17);
+  void Add(const char* name, double* value, std::string (*print)(double));
+
+  // Null when writing.
+  CsvReader* reader() const { return reader_; }
+  // What was written, without the end of the line.
+  const std::string& header() const { return header_; }
+  const std::string& row() const { return row_; }
+
+ private:
+  void Write(const char* name, const std::string& field);
+
+  CsvReader* reader_ = nullptr;
+  std::string header_, row_;
+};
+
+template <typename Record>
+std::string FormatCsv(const std::vector<Record>& records) {
+  CsvColumns head;
+  Record none{};
+  Columns(&none, &head);
+  std::string csv = head.header() + "\n";
+  for (Record record : records) {
+    CsvColumns columns;
+    Columns(&record, &columns);
+    csv += columns.row() + "\n";
   }
   return csv;
 }
 
-// Bit by bit what was written; false with one line in `error`, and `rows` left
-// alone, for anything else. `name` is for that line.
-template <typename Row, typename Columns>
-bool ParseRows(const std::string& csv,
-               const std::string& name,
-               const Columns& columns,
-               std::vector<Row>* rows,
-               std::string* error) {
-  CsvReader reader(csv, name);
+// Bit by bit what was written; false with one line in `error`, "name:line:
+// what", and `records` left alone, for anything else.
+template <typename Record>
+bool ParseCsv(const std::string& text,
+              const std::string& name,
+              std::vector<Record>* records,
+              std::string* error) {
+  CsvReader reader(text, name);
   if (!reader.Begin(error)) return false;
-  std::vector<Row> read;
+  std::vector<Record> read;
   while (reader.Row()) {
-    Row row{};
-    columns(row, [&reader](const char* column, auto& value, int = 17) {
-      reader.Read(column, &value);
-    });
-    read.push_back(row);
+    Record record{};
+    CsvColumns columns(&reader);
+    Columns(&record, &columns);
+    if (!reader.error().empty()) return Fail(reader.error(), error);
+    read.push_back(std::move(record));
   }
-  if (!reader.error().empty()) return Fail(reader.error(), error);
-  *rows = std::move(read);
+  *records = std::move(read);
   return true;
 }
 
@@ -143,8 +165,6 @@ std::string Grid(const std::vector<std::vector<std::string>>& rows,
                  bool markdown,
                  int names = 1);
 
-// "5e-5", "0.01": a number as people write it, without loss.
-std::string Neat(double value);
 // Numbers of tables; infinite: "never".
 std::string Count(double value);
 std::string Seconds(double value);

@@ -26,10 +26,11 @@
 #include <string>
 #include <vector>
 
-#include "experiments/comparison.h"
+#include "experiments/cases.h"
 #include "experiments/preparation.h"
 #include "experiments/run.h"
 #include "experiments/scene.h"
+#include "experiments/statistics.h"
 #include "experiments/tabular.h"
 #include "experiments/tradeoff_flow.h"
 #include "granular/jamming.h"

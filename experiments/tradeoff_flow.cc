@@ -17,7 +17,6 @@
 #include <vector>
 
 #include "experiments/children.h"
-#include "experiments/comparison.h"
 #include "experiments/flow_results.h"
 #include "experiments/flow_scene.h"
 #include "experiments/flow_ways.h"
@@ -53,7 +52,7 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Flags of this binary that --flow heeds beside those of the scene.
-const std::vector<std::string>& OwnFlags() {
+const std::vector<std::string>& FlagsBesideTheScene() {
   static const std::vector<std::string> names = {"flow",
                                                  "flow_scenes",
                                                  "jobs",
@@ -83,7 +82,7 @@ std::vector<std::string> SceneFlags(bool refuse_others) {
   for (const auto& flag : FlagsDefinedIn("experiments/")) {
     if (flag.is_default ||
         Contains({"out", "seed", "smoke", "pictures"}, flag.name) ||
-        Contains(OwnFlags(), flag.name)) {
+        Contains(FlagsBesideTheScene(), flag.name)) {
       continue;
     }
     const bool is_shared = Contains({"particles", "input"}, flag.name);
@@ -196,16 +195,6 @@ int Recommend(const SceneResult& scene, int wanted, Json* json) {
   return kConverged;
 }
 
-std::vector<std::string> Split(const std::string& text) {
-  std::vector<std::string> parts;
-  for (std::size_t at = 0; at <= text.size();) {
-    const std::size_t comma = std::min(text.find(',', at), text.size());
-    parts.push_back(text.substr(at, comma - at));
-    at = comma + 1;
-  }
-  return parts;
-}
-
 // What the flags ask for.
 struct Plan {
   std::vector<std::string> scenes;
@@ -253,7 +242,7 @@ Plan MakePlan() {
   }
   plan.scenes = {"smooth", "paper", "strong", "many"};
   if (!given.empty() || FLAGS_recommend) plan.scenes = {"user"};
-  if (!FLAGS_flow_scenes.empty()) plan.scenes = Split(FLAGS_flow_scenes);
+  if (!FLAGS_flow_scenes.empty()) plan.scenes = Split(FLAGS_flow_scenes, ',');
   for (const std::string& name : plan.scenes) {
     if (!Contains(FlowTaskNames(), name)) {
       BadInput("--flow_scenes: '" + name +

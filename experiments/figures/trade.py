@@ -286,7 +286,7 @@ def FidelityFigure(fidelity_csv, accuracy=0.05):
   places = -np.arange(len(models))
   cost = np.array([table["cpu_seconds_a_step"][model == name][0] for name in models])
   axes[0].barh(places, cost / cost[whole], height=0.6, color=SPECIES_FILLS[0])
-  axes[0].set_title("cost of a step", loc="left", fontsize=12)
+  axes[0].set_title("cost", loc="left", fontsize=12)
   axes[0].set_xlabel("whole model = 1")
   axes[0].set_yticks(places, models, fontsize=11)
   axes[0].set_ylim(-len(models) + 0.4, 0.6)
@@ -321,5 +321,5 @@ def FidelityFigure(fidelity_csv, accuracy=0.05):
     ax.set_axisbelow(True)
   Help(figure, "Changes from the whole model, start by start: means and two standard "
        "errors. Band: the accuracy asked for, %g %%; green: within it, vermilion: "
-       "beyond it, grey: more starts would tell." % (100 * accuracy))
+       "beyond it, grey: more seeds would tell." % (100 * accuracy))
   return figure

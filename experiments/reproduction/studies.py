@@ -633,5 +633,6 @@ STUDIES = [
           [("fidelity", "Cost and change of each ingredient")], False, 2),
     Study("packing", TRADE, "What a packing requires", "models of a packing",
           ["fidelity", "--scene=packing", "--seeds=10", "--particles=512"],
-          ["--smoke", "--seeds=3", "--particles=128"], Fidelity, [], False, 2),
+          ["--smoke", "--seeds=3", "--particles=128"], Fidelity,
+          [("fidelity", "Cost and change of each ingredient")], False, 2),
 ]

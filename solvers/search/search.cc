@@ -92,7 +92,7 @@ bool SearchRun::Evaluate(const std::vector<std::vector<double>>& unit_strings,
     }
   }
   std::vector<double> found;
-  if (!problem_.objective(strings, &found)) {
+  if (!problem_.objective(strings, &found) || found.size() != count) {
     ended_ = true;
     return false;
   }

@@ -21,8 +21,8 @@
 namespace granopt {
 
 // Writes the value of each string; +infinity (or NaN, which is taken for it)
-// where there is none. Returning false ends the search; values are then not
-// looked at.
+// where there is none. Returning false, or not one value a string, ends the
+// search; values are then not looked at.
 using ListObjective =
     std::function<bool(const std::vector<std::vector<double>>& strings,
                        std::vector<double>* values)>;

@@ -11,8 +11,10 @@
 #include <fstream>
 #include <sstream>
 #include <string>
+#include <vector>
 
 #include "gtest/gtest.h"
+#include "nlohmann/json.hpp"
 
 namespace granopt {
 
@@ -26,6 +28,28 @@ inline std::string Slurp(const std::string& path) {
 inline bool Exists(const std::string& path) {
   struct stat status;
   return stat(path.c_str(), &status) == 0;
+}
+
+inline int Lines(const std::string& text) {
+  int count = 0;
+  for (const char c : text) count += c == '\n';
+  return count;
+}
+
+inline std::vector<std::string> Rows(const std::string& csv) {
+  std::vector<std::string> rows;
+  std::stringstream lines(csv);
+  for (std::string line; std::getline(lines, line);) rows.push_back(line);
+  return rows;
+}
+
+// Fields of a row without quoted ones.
+inline std::vector<std::string> Fields(const std::string& row) {
+  std::vector<std::string> fields;
+  std::stringstream words(row);
+  for (std::string word; std::getline(words, word, ',');)
+    fields.push_back(word);
+  return fields;
 }
 
 struct Outcome {
@@ -65,6 +89,27 @@ class Binaries : public testing::Test {
                    " > /dev/null 2>&1; } & pid=$!; while [ ! -e " + out +
                    "/checkpoint.cbor ] && kill -0 $pid 2> /dev/null; do sleep "
                    "0.01; done; kill -INT $pid 2> /dev/null; wait $pid");
+  }
+
+  // One line that says `words`, exit status 2, nothing written.
+  void ExpectRefused(const std::string& binary,
+                     const std::string& arguments,
+                     const std::string& words) {
+    const Outcome run = Do(binary, arguments);
+    EXPECT_EQ(run.status, 2) << binary << " " << arguments;
+    EXPECT_EQ(Lines(run.err), 1) << run.err;
+    EXPECT_NE(run.err.find(words), std::string::npos)
+        << binary << " " << arguments << "\n got: " << run.err;
+    EXPECT_FALSE(Exists(folder_ + "/out")) << arguments;
+  }
+
+  std::string File(const std::string& name, const std::string& content) {
+    std::ofstream(folder_ + "/" + name) << content;
+    return name;
+  }
+
+  nlohmann::json Summary(const std::string& out) const {
+    return nlohmann::json::parse(Slurp(folder_ + "/" + out + "/summary.json"));
   }
 
   int Execute(const std::string& command) {

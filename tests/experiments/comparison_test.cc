@@ -1,191 +1,19 @@
-#include "experiments/comparison.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <set>
 #include <string>
 #include <vector>
 
+#include "experiments/basins.h"
+#include "experiments/comparison_text.h"
+#include "experiments/crossings.h"
+#include "experiments/step_tables.h"
 #include "gtest/gtest.h"
 
 namespace granopt {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-TEST(Comparison, NumbersAreWrittenAsPeopleWriteThem) {
-  EXPECT_EQ(Neat(5e-5), "5e-5");
-  EXPECT_EQ(Neat(1e-4), "1e-4");
-  EXPECT_EQ(Neat(0.01), "1e-2");
-  EXPECT_EQ(Neat(0.8438), "0.8438");
-  EXPECT_EQ(Neat(1e-13), "1e-13");
-  EXPECT_EQ(Neat(4096), "4096");
-  for (const double value : {0.1 + 0.2, 1.0 / 3.0, 1e-300, 6.02e23, 1e6}) {
-    EXPECT_EQ(std::stod(Neat(value)), value);
-  }
-}
-
-TEST(Comparison, MethodsAreSeparatedBySemicolonsAndMayHaveLabels) {
-  std::vector<Method> methods;
-  std::string error;
-  ASSERT_TRUE(ParseMethods(
-      "P-L-BFGS (A = 0)@lbfgs:memory=5,A=0; fire", &methods, &error));
-  ASSERT_EQ(methods.size(), 2u);
-  EXPECT_EQ(methods[0].label, "P-L-BFGS (A = 0)");
-  EXPECT_EQ(methods[0].spec, "lbfgs:memory=5,A=0");
-  EXPECT_EQ(methods[1].label, "fire");
-  EXPECT_EQ(methods[1].spec, "fire");
-  EXPECT_FALSE(ParseMethods("a;;b", &methods, &error));
-  EXPECT_FALSE(ParseMethods("a@", &methods, &error));
-  EXPECT_FALSE(ParseMethods("a;a", &methods, &error));
-  EXPECT_NE(error.find("given twice"), std::string::npos);
-}
-
-TEST(Comparison, CasesMayHaveValuesAndDistances) {
-  std::vector<Case> cases;
-  std::string error;
-  ASSERT_TRUE(ParseCases("growth,random=2e-4,near_jamming,user",
-                         {1e-2, 1e-3},
-                         1e-6,
-                         &cases,
-                         &error))
-      << error;
-  ASSERT_EQ(cases.size(), 5u);
-  EXPECT_EQ(cases[0].id, "growth=5e-5");
-  EXPECT_EQ(cases[1].id, "random=2e-4");
-  EXPECT_EQ(cases[1].value, 2e-4);
-  EXPECT_EQ(cases[3].id, "near_jamming=1e-6 at 1e-3");
-  EXPECT_EQ(cases[3].distance, 1e-3);
-  EXPECT_EQ(cases[4].id, "user");
-  ASSERT_TRUE(ParseCases(
-      "near_jamming=1e-6,near_jamming=0.3x", {1e-4}, 1e-5, &cases, &error))
-      << error;
-  ASSERT_EQ(cases.size(), 2u);
-  EXPECT_FALSE(cases[0].relative);
-  EXPECT_EQ(StrainOf(cases[0]), 1e-6);
-  EXPECT_EQ(cases[1].id, "near_jamming=0.3x at 1e-4");
-  EXPECT_TRUE(cases[1].relative);
-  EXPECT_DOUBLE_EQ(StrainOf(cases[1]), 3e-5);
-  for (const char* bad : {"near_jamming=-1x",
-                          "near_jamming=0x",
-                          "near_jamming=x",
-                          "near_jamming=0.3xx",
-                          "near_jamming=infx",
-                          "near_jamming=101x",
-                          "growth=0.3x",
-                          "magic",
-                          "",
-                          "growth=",
-                          "growth=-1",
-                          "growth=many",
-                          "growth=nan",
-                          "user=1",
-                          "growth,growth=5e-5"}) {
-    EXPECT_FALSE(ParseCases(bad, {1e-2}, 1e-6, &cases, &error)) << bad;
-  }
-}
-
-TEST(Comparison, SeedsAreNumbersAndRanges) {
-  std::vector<std::uint64_t> seeds;
-  std::string error;
-  ASSERT_TRUE(ParseSeeds("1-3,7", &seeds, &error));
-  EXPECT_EQ(seeds, (std::vector<std::uint64_t>{1, 2, 3, 7}));
-  for (const char* bad : {"", "1-", "-1", "3-1", "a", "1,1", "1-99999999999"}) {
-    EXPECT_FALSE(ParseSeeds(bad, &seeds, &error)) << bad;
-  }
-}
-
-// Every repetition runs every method once; the first places differ, and so do
-// the predecessors.
-TEST(Comparison, TheOrderIsRotatedAndReversed) {
-  for (int n = 1; n <= 6; ++n) {
-    std::set<int> first;
-    for (int r = 0; r < n; ++r) {
-      const std::vector<int> order = MethodOrder(n, r);
-      EXPECT_EQ(std::set<int>(order.begin(), order.end()).size(),
-                static_cast<std::size_t>(n));
-      first.insert(order[0]);
-    }
-    EXPECT_EQ(first.size(), static_cast<std::size_t>(n));
-  }
-  EXPECT_EQ(MethodOrder(4, 0), (std::vector<int>{0, 1, 2, 3}));
-  EXPECT_EQ(MethodOrder(4, 1), (std::vector<int>{1, 0, 3, 2}));
-  EXPECT_EQ(MethodOrder(4, 2), (std::vector<int>{2, 3, 0, 1}));
-  EXPECT_EQ(MethodOrder(4, 6), MethodOrder(4, 2));
-}
-
-TEST(Comparison, QuantilesAreLinearBetweenValuesAndKnowInfinity) {
-  Quantiles q = QuantilesOf({4.0, 1.0, 2.0, 3.0, 5.0, 6.0});
-  EXPECT_DOUBLE_EQ(q.low, 2.0);
-  EXPECT_DOUBLE_EQ(q.median, 3.5);
-  EXPECT_DOUBLE_EQ(q.high, 5.0);
-  q = QuantilesOf({3.0, 1.0, 2.0});
-  EXPECT_DOUBLE_EQ(q.low, 1.4);
-  EXPECT_DOUBLE_EQ(q.median, 2.0);
-  EXPECT_DOUBLE_EQ(q.high, 2.6);
-  // One failure of three: the median is known, the upper end is not.
-  q = QuantilesOf({kInfinity, 1.0, 2.0});
-  EXPECT_DOUBLE_EQ(q.median, 2.0);
-  EXPECT_TRUE(std::isinf(q.high));
-  q = QuantilesOf({kInfinity, kInfinity, 2.0});
-  EXPECT_TRUE(std::isinf(q.median));
-  EXPECT_TRUE(std::isnan(QuantilesOf({}).median));
-}
-
-TEST(Comparison, MedianAndWorstKnowInfinity) {
-  MedianWorst value = MedianAndWorst({4.0, 1.0, 3.0});
-  EXPECT_EQ(value.median, 3.0);
-  EXPECT_EQ(value.worst, 4.0);
-  value = MedianAndWorst({1.0, kInfinity, 3.0});
-  EXPECT_EQ(value.median, 3.0);
-  EXPECT_TRUE(std::isinf(value.worst));
-  value = MedianAndWorst({1.0, kInfinity});
-  EXPECT_TRUE(std::isinf(value.median));
-  EXPECT_TRUE(std::isnan(MedianAndWorst({}).worst));
-}
-
-// Its ends solve (p - k/n)^2 = z^2 p (1 - p) / n.
-TEST(Comparison, WilsonsInterval) {
-  const double z2 = 1.959963984540054 * 1.959963984540054;
-  for (const int n : {1, 7, 30, 1000}) {
-    for (const int k : {0, 1, n / 2, n}) {
-      const Interval interval = Wilson(k, n);
-      EXPECT_LE(0.0, interval.low);
-      EXPECT_LE(interval.low, static_cast<double>(k) / n);
-      EXPECT_LE(static_cast<double>(k) / n, interval.high);
-      EXPECT_LE(interval.high, 1.0);
-      for (const double p : {interval.low, interval.high}) {
-        const double off = p - static_cast<double>(k) / n;
-        EXPECT_NEAR(off * off, z2 * p * (1.0 - p) / n, 1e-12) << k << " " << n;
-      }
-    }
-  }
-  EXPECT_EQ(Wilson(0, 10).low, 0.0);
-  EXPECT_NEAR(Wilson(0, 10).high, z2 / (10.0 + z2), 1e-15);
-  EXPECT_EQ(Wilson(10, 10).high, 1.0);
-  EXPECT_EQ(Wilson(0, 0).low, 0.0);
-  EXPECT_EQ(Wilson(0, 0).high, 1.0);
-}
-
-TEST(Comparison, RigidDistanceLeavesOutTranslationsAndRattlers) {
-  const std::vector<bool> first = {false, false, true, false};
-  const std::vector<bool> second = {false, false, false, true};
-  const std::vector<double> zero(8, 0.0);
-  EXPECT_EQ(RigidDistance({1, 2, 1, 2, 9, 9, 9, 9}, first, zero, second), 0.0);
-  EXPECT_EQ(RigidDistance({1, 2, 1.5, 2, 9, 9, 9, 9}, first, zero, second),
-            0.25);
-  EXPECT_EQ(RigidDistance({}, {}, {}, {}), 0.0);
-}
-
-TEST(Comparison, ReservedLettersAreNotGivenAgain) {
-  Minima minima;
-  const std::vector<bool> rigid = {false};
-  EXPECT_EQ(minima.Tag(1.0, 0.0, 1.0, 1e-3, {0, 0}, rigid), "A");
-  minima.Reserve(3);
-  EXPECT_EQ(minima.Tag(1.0, 0.0, 1.0, 1e-3, {0, 0}, rigid), "A");
-  EXPECT_EQ(minima.Tag(2.0, 0.0, 1.0, 1e-3, {0, 0}, rigid), "D");
-}
 
 TEST(Comparison, CrossingsAreNotedOnce) {
   Crossings crossings({{false, 1e-1}, {false, 1e-2}, {true, 1e-3}}, 2.0);
@@ -215,27 +43,6 @@ TEST(Comparison, ThinnedTraceKeepsEndsAndExtremes) {
   EXPECT_NE(std::find(kept.begin(), kept.end(), 7000), kept.end());
   EXPECT_EQ(ThinTrace({1.0}, 95), std::vector<int>{0});
   EXPECT_TRUE(ThinTrace({}, 95).empty());
-}
-
-TEST(Comparison, MinimaAreToldApartByEnergyAndDisplacement) {
-  Minima minima;
-  const std::vector<bool> rigid = {false, false, true};
-  const auto tag = [&](double energy,
-                       const std::vector<double>& u,
-                       double residual = 1e-10,
-                       double vanishing = 1e-3) {
-    return minima.Tag(energy, residual, vanishing, 1e-3, u, rigid);
-  };
-  EXPECT_EQ(tag(1.0, {0, 0, 0, 0, 0, 0}), "A");
-  // A translation, and a rattler anywhere.
-  EXPECT_EQ(tag(1.0 + 1e-8, {.1, .2, .1, .2, 5, 5}), "A");
-  // Elsewhere at the same energy; the same place cannot be at another one.
-  EXPECT_EQ(tag(1.0, {1e-2, 0, 0, 0, 0, 0}), "B");
-  EXPECT_EQ(tag(1.1, {0, 0, 0, 0, 0, 0}), "C");
-  EXPECT_EQ(tag(1.0, {0, 0, 0, 0, 0, 0}), "A");
-  EXPECT_EQ(tag(1.0, {0, 0, 0, 0, 0, 0}, 1e-2), "-");
-  EXPECT_EQ(tag(0.0, {0, 0, 0, 0, 0, 0}, 0.0), "0");
-  EXPECT_EQ(tag(1e-30, {0, 0, 0, 0, 0, 0}, 1.0, 1e-13), "0");
 }
 
 // Two methods, one case, three repetitions; the second method fails once at the
@@ -293,15 +100,15 @@ TEST_F(HandMade, MediansQuantilesAndRatios) {
   const TableRow& base = tables[0].rows[0];
   EXPECT_EQ(base.runs, 3);
   EXPECT_EQ(base.reached, 3);
-  EXPECT_EQ(base.iterations.median, 100);
-  EXPECT_DOUBLE_EQ(base.cpu_seconds.low, 1.4);
-  EXPECT_DOUBLE_EQ(base.cpu_seconds.median, 2.0);
-  EXPECT_DOUBLE_EQ(base.cpu_seconds.high, 2.6);
+  EXPECT_EQ(base.costs[kIterations].median, 100);
+  EXPECT_DOUBLE_EQ(base.costs[kCpuSeconds].low, 1.4);
+  EXPECT_DOUBLE_EQ(base.costs[kCpuSeconds].median, 2.0);
+  EXPECT_DOUBLE_EQ(base.costs[kCpuSeconds].high, 2.6);
   EXPECT_EQ(base.ratio.median, 1.0);
   const TableRow& other = tables[0].rows[1];
   EXPECT_EQ(other.reached, 2);
-  EXPECT_DOUBLE_EQ(other.cpu_seconds.median, 8.0);
-  EXPECT_TRUE(std::isinf(other.cpu_seconds.high));
+  EXPECT_DOUBLE_EQ(other.costs[kCpuSeconds].median, 8.0);
+  EXPECT_TRUE(std::isinf(other.costs[kCpuSeconds].high));
   EXPECT_DOUBLE_EQ(other.ratio.low, 4.0);
   EXPECT_DOUBLE_EQ(other.ratio.median, 4.0);
   EXPECT_EQ(other.end, "NO_PROGRESS 1, converged 2");
@@ -309,8 +116,8 @@ TEST_F(HandMade, MediansQuantilesAndRatios) {
   EXPECT_EQ(other.residual, 1e-7);
   const TableRow& loose = tables[1].rows[1];
   EXPECT_EQ(loose.reached, 3);
-  EXPECT_EQ(loose.iterations.median, 150);
-  EXPECT_DOUBLE_EQ(loose.cpu_seconds.high, 5.2);
+  EXPECT_EQ(loose.costs[kIterations].median, 150);
+  EXPECT_DOUBLE_EQ(loose.costs[kCpuSeconds].high, 5.2);
   EXPECT_EQ(loose.function_share, 0.25);
   EXPECT_EQ(loose.paper, nullptr);
 }
@@ -345,7 +152,7 @@ TEST_F(HandMade, VanishedRunsHaveReachedEveryLevel) {
   for (RunRecord& run : runs_) run.stop_reason = "VANISHED";
   const std::vector<Table> tables = Tabulate(setup_, {}, runs_);
   EXPECT_EQ(tables[0].rows[1].reached, 3);
-  EXPECT_EQ(tables[0].rows[1].iterations.median, 300);
+  EXPECT_EQ(tables[0].rows[1].costs[kIterations].median, 300);
 }
 
 TEST_F(HandMade, UnequalCountsAreSaid) {
@@ -353,6 +160,30 @@ TEST_F(HandMade, UnequalCountsAreSaid) {
   const std::string text =
       TablesText(setup_, Tabulate(setup_, events_, runs_), runs_, false);
   EXPECT_NE(text.find("! L-BFGS: counts differ"), std::string::npos) << text;
+}
+
+// A run that the clock ended says nothing about counts.
+TEST_F(HandMade, CountsOfRunsOutOfTimeMayDiffer) {
+  runs_[0].work.evaluations += 1;
+  runs_[0].stop_reason = "MAX_SECONDS";
+  const std::string text =
+      TablesText(setup_, Tabulate(setup_, events_, runs_), runs_, false);
+  EXPECT_EQ(text.find("counts differ"), std::string::npos) << text;
+}
+
+TEST_F(HandMade, LargeSeedsAreNamed) {
+  setup_.seeds = {1, 5000000000};
+  const std::size_t count = runs_.size();
+  for (std::size_t k = 0; k < count; ++k) {
+    runs_[k].minimum = "A";
+    runs_.push_back(runs_[k]);
+    runs_.back().key.seed = 5000000000;
+  }
+  const std::string text =
+      TablesText(setup_, Tabulate(setup_, events_, runs_), runs_, false);
+  EXPECT_NE(text.find("seeds 1, 5000000000: all runs end in one minimum"),
+            std::string::npos)
+      << text;
 }
 
 // Three steps of two seeds; the last step of seed 2 rearranges. "good" costs
@@ -396,7 +227,9 @@ class Steps : public testing::Test {
               rearranges  ? "B"
               : step == 1 ? "-"
                           : "A",
-              rearranges ? 0.5 : 1.0 + 1e-12);
+              rearranges  ? 0.5
+              : seed == 1 ? 1.0 + 1e-12
+                          : 1.0 - 1e-12);
         }
       }
     }
@@ -448,19 +281,19 @@ TEST_F(Steps, MedianWorstAndFailures) {
   const StepRow& plain = tables[0].rows[0];
   EXPECT_EQ(plain.steps, 5);
   EXPECT_EQ(plain.failed, 0);
-  EXPECT_EQ(plain.iterations.median, 20.0);
-  EXPECT_EQ(plain.iterations.worst, 30.0);
-  EXPECT_EQ(plain.cpu_seconds.median, 2.0);
-  EXPECT_EQ(plain.cpu_seconds.worst, 3.0);
+  EXPECT_EQ(plain.costs[kIterations].median, 20.0);
+  EXPECT_EQ(plain.costs[kIterations].worst, 30.0);
+  EXPECT_EQ(plain.costs[kCpuSeconds].median, 2.0);
+  EXPECT_EQ(plain.costs[kCpuSeconds].worst, 3.0);
   EXPECT_EQ(plain.same, 5);
   EXPECT_EQ(plain.judged, 5);
   EXPECT_EQ(plain.difference, 0.0);
   // Two of five, two of six failed.
   const StepRow& bad = tables[0].rows[1];
   EXPECT_EQ(bad.failed, 2);
-  EXPECT_EQ(bad.iterations.median, 100.0);
-  EXPECT_TRUE(std::isinf(bad.iterations.worst));
-  EXPECT_EQ(bad.spent_iterations.worst, 100.0);
+  EXPECT_EQ(bad.costs[kIterations].median, 100.0);
+  EXPECT_TRUE(std::isinf(bad.costs[kIterations].worst));
+  EXPECT_EQ(bad.spent[kIterations].worst, 100.0);
   EXPECT_EQ(bad.judged, 3);
   EXPECT_EQ(bad.same, 3);
   EXPECT_EQ(bad.lower + bad.higher, 0);
@@ -471,7 +304,11 @@ TEST_F(Steps, MedianWorstAndFailures) {
   EXPECT_EQ(all.lower, 1);
   EXPECT_EQ(all.higher, 0);
   EXPECT_DOUBLE_EQ(all.difference, -0.5);
-  // A step that fails in one repetition has failed.
+  EXPECT_EQ(all.unjammed, 0);
+  // A step that is unjammed in one repetition is; one that fails in one failed.
+  runs_[1].minimum = "0";
+  EXPECT_EQ(TabulateSteps(setup_, events_, runs_, steps_)[1].rows[1].unjammed,
+            1);
   runs_[0].stop_reason = "MAX_SECONDS";
   events_.erase(events_.begin());
   EXPECT_EQ(TabulateSteps(setup_, events_, runs_, steps_)[0].rows[0].failed, 1);
@@ -519,15 +356,15 @@ TEST_F(Steps, FilesAreReadBackAsTheyWere) {
   steps_[0].apart = kInfinity;
   std::string error;
   std::vector<StepRecord> steps;
-  ASSERT_TRUE(ParseSteps(StepsCsv(steps_), "s", &steps, &error)) << error;
-  EXPECT_EQ(StepsCsv(steps), StepsCsv(steps_));
-  std::string broken = StepsCsv(steps_);
+  ASSERT_TRUE(ParseCsv(FormatCsv(steps_), "s", &steps, &error)) << error;
+  EXPECT_EQ(FormatCsv(steps), FormatCsv(steps_));
+  std::string broken = FormatCsv(steps_);
   broken.replace(broken.find("non-re"), 3, "");
   broken.replace(broken.find("rearr"), 5, "Rearr");
-  EXPECT_FALSE(ParseSteps(broken, "s.csv", &steps, &error));
+  EXPECT_FALSE(ParseCsv(broken, "s.csv", &steps, &error));
   EXPECT_EQ(error.substr(0, 8), "s.csv:2:");
   std::vector<RunRecord> runs;
-  ASSERT_TRUE(ParseRuns(RunsCsv(runs_), "r", &runs, &error)) << error;
+  ASSERT_TRUE(ParseCsv(FormatCsv(runs_), "r", &runs, &error)) << error;
   EXPECT_EQ(runs.back().key.step, 3);
   ComparisonSetup setup;
   setup_.reference = "bad";
@@ -539,34 +376,34 @@ TEST_F(Steps, FilesAreReadBackAsTheyWere) {
 }
 
 TEST_F(HandMade, FilesOfEarlierComparisonsHaveNoSteps) {
-  std::string text = RunsCsv(runs_), error;
+  std::string text = FormatCsv(runs_), error;
   text.replace(text.find(",step,"), 6, ",other,");
   std::vector<RunRecord> runs;
-  ASSERT_TRUE(ParseRuns(text, "r", &runs, &error)) << error;
+  ASSERT_TRUE(ParseCsv(text, "r", &runs, &error)) << error;
   EXPECT_EQ(runs[0].key.step, 1);
 }
 
 TEST_F(HandMade, FilesAreReadBackAsTheyWere) {
   std::string error;
   std::vector<Event> events;
-  ASSERT_TRUE(ParseEvents(EventsCsv(events_), "e", &events, &error)) << error;
-  EXPECT_EQ(EventsCsv(events), EventsCsv(events_));
+  ASSERT_TRUE(ParseCsv(FormatCsv(events_), "e", &events, &error)) << error;
+  EXPECT_EQ(FormatCsv(events), FormatCsv(events_));
   EXPECT_EQ(events[0].key.spec, "spec, \"quoted\"");
   std::vector<RunRecord> runs;
-  ASSERT_TRUE(ParseRuns(RunsCsv(runs_), "r", &runs, &error)) << error;
-  EXPECT_EQ(RunsCsv(runs), RunsCsv(runs_));
+  ASSERT_TRUE(ParseCsv(FormatCsv(runs_), "r", &runs, &error)) << error;
+  EXPECT_EQ(FormatCsv(runs), FormatCsv(runs_));
   EXPECT_EQ(runs[5].message, "gave up, \"really\"");
   setup_.assumptions = {{"a", "b"}};
   ComparisonSetup setup;
   ASSERT_TRUE(ParseSetup(FormatSetup(setup_), "s", &setup, &error)) << error;
   EXPECT_EQ(FormatSetup(setup), FormatSetup(setup_));
 
-  EXPECT_FALSE(ParseEvents("", "e", &events, &error));
-  EXPECT_FALSE(ParseEvents("case,seed\nx,1\n", "e.csv", &events, &error));
+  EXPECT_FALSE(ParseCsv("", "e", &events, &error));
+  EXPECT_FALSE(ParseCsv("case,seed\nx,1\n", "e.csv", &events, &error));
   EXPECT_EQ(error, "e.csv:1: no column repetition");
-  std::string broken = EventsCsv(events_);
+  std::string broken = FormatCsv(events_);
   broken.replace(broken.find("relative"), 8, "relation");
-  EXPECT_FALSE(ParseEvents(broken, "e.csv", &events, &error));
+  EXPECT_FALSE(ParseCsv(broken, "e.csv", &events, &error));
   EXPECT_EQ(error.substr(0, 8), "e.csv:2:");
   EXPECT_FALSE(ParseSetup("{}", "setup.json", &setup, &error));
   EXPECT_FALSE(ParseSetup("not json", "setup.json", &setup, &error));

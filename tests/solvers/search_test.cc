@@ -258,6 +258,15 @@ TEST(Search, EndsWhenTold) {
   }
 }
 
+TEST(Search, AnObjectiveOfTooFewValuesEndsIt) {
+  SearchProblem problem = Problem(&Sphere, 2, 0.0, 1.0);
+  problem.objective = [](const Strings& strings, std::vector<double>* values) {
+    values->assign(strings.size() - 1, 1.0);
+    return true;
+  };
+  EXPECT_TRUE(Minimize("genetic_algorithm", problem).history.empty());
+}
+
 // Infinity and NaN are no values.
 TEST(Search, StringsWithoutValueAreNoBest) {
   for (const std::string& name : Methods()) {
