@@ -95,7 +95,7 @@ int Throughput(Output* output) {
   std::printf(
       "flow      throughput of the near field (exponents 1, 2), CPU seconds of "
       "one evaluation;\n          multipoles with errors below 1e-2, 1e-3 and "
-      "1e-4 of the magnitudes of pair forces; ns an ordered pair\n\n");
+      "1e-4 of the magnitudes of pair forces\n\n");
   std::vector<std::vector<std::string>> table = {{"n",
                                                   "plain loop",
                                                   "all pairs",

@@ -12,10 +12,15 @@ import tempfile
 
 SOURCE, BINARIES = sys.argv[1:3]
 SCRIPT = os.path.join(SOURCE, "experiments", "plot.py")
+# As the binaries do: Debian's matplotlib belongs to Debian's python.
+PYTHON = next((name for name in ("/usr/bin/python3", sys.executable)
+               if os.path.exists(name) and not subprocess.run(
+                   [name, "-c", "import matplotlib"], capture_output=True,
+                   check=False).returncode), None)
 
 
 def Plot(*words):
-  return subprocess.run([sys.executable, SCRIPT, *words], capture_output=True, text=True,
+  return subprocess.run([PYTHON, SCRIPT, *words], capture_output=True, text=True,
                         check=False)
 
 
@@ -24,10 +29,10 @@ def Bytes(base):
 
 
 def main():
-  help_ = Plot("--help")
-  if "apt install python3-matplotlib" in help_.stderr:
+  if PYTHON is None:
     print("matplotlib is not installed")
     return 77
+  help_ = Plot("--help")
   figures = re.findall(r"^    (\w+)", help_.stdout, re.M)
   assert len(figures) > 40, help_.stdout
 
