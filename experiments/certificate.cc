@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <vector>
 
 #include "experiments/scene.h"
 #include "granular/packing_io.h"
@@ -86,30 +87,12 @@ std::string ModesCsv(const Certificate& certificate) {
 
 std::string FormatModes(const Packing& packing,
                         const Certificate& certificate) {
-  const std::string plain = FormatPacking(packing);
-  const int d = packing.dimension();
-  std::string out;
-  std::size_t at = 0;
-  for (int line = 0; line < packing.size() + 2; ++line) {
-    const std::size_t end = plain.find('\n', at);
-    std::string text = plain.substr(at, end - at);
-    at = end + 1;
-    if (line == 1) {
-      std::string columns;
-      for (std::size_t k = 1; k <= certificate.modes.size(); ++k) {
-        columns += Format(":mode_%d:R:3", static_cast<int>(k));
-      }
-      text.insert(text.find(" pbc="), columns);
-    }
-    for (const NormalMode& mode : certificate.modes) {
-      for (int k = 0; k < 3 && line > 1; ++k) {
-        const double value = k < d ? mode.displacement(k, line - 2) : 0.0;
-        text += value == 0.0 ? " 0" : Format(" %.9g", value);
-      }
-    }
-    out += text + "\n";
+  std::vector<GrainVectors> columns;
+  for (const NormalMode& mode : certificate.modes) {
+    columns.push_back(
+        {Format("mode_%zu", columns.size() + 1), &mode.displacement});
   }
-  return out;
+  return FormatPacking(packing, columns);
 }
 
 std::string PublishCertificate(const Packing& packing,

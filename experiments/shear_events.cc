@@ -65,26 +65,6 @@ EventRow RowOf(const PlasticEvent& event) {
   return row;
 }
 
-// The packing with the displacement of each grain.
-std::string FormatDisplacement(const Packing& packing,
-                               const Eigen::MatrixXd& displacement) {
-  const std::string plain = FormatPacking(packing);
-  const int d = packing.dimension();
-  std::string out;
-  std::size_t at = 0;
-  for (int line = 0; line < packing.size() + 2; ++line) {
-    const std::size_t end = plain.find('\n', at);
-    std::string text = plain.substr(at, end - at);
-    at = end + 1;
-    if (line == 1) text.insert(text.find(" pbc="), ":displacement:R:3");
-    for (int k = 0; k < 3 && line > 1; ++k) {
-      text += k < d ? Format(" %.9g", displacement(k, line - 2)) : " 0";
-    }
-    out += text + "\n";
-  }
-  return out;
-}
-
 }  // namespace
 
 Json ToJson(const EventCatalogue& catalogue) {
@@ -188,7 +168,8 @@ std::string PublishLargest(const PlasticEvent& event,
                            Json* json) {
   const Packing& packing = event.before.packing;
   const int d = packing.dimension();
-  output->Write("event.xyz", FormatDisplacement(packing, event.displacement));
+  output->Write("event.xyz",
+                FormatPacking(packing, {{"displacement", &event.displacement}}));
   output->Write("event_contacts.csv", ContactsCsv(event.before));
   std::string csv = "strain,strain_left,energy,stress,lowest_eigenvalue\n";
   for (const BranchPoint& point : event.branch) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "granular/atomic_file.h"
+#include "solvers/format.h"
 
 namespace granopt {
 namespace {
@@ -504,7 +505,8 @@ bool ReadPacking(const std::string& path,
          ParsePacking(text, path, packing, error);
 }
 
-std::string FormatPacking(const Packing& packing) {
+std::string FormatPacking(const Packing& packing,
+                          const std::vector<GrainVectors>& vectors) {
   const int n = packing.size();
   const int d = packing.dimension();
   const bool low =
@@ -527,6 +529,7 @@ std::string FormatPacking(const Packing& packing) {
   out += "\" Properties=species:S:1:pos:R:3:radius:R:1";
   if (low) out += ":pos_lo:R:3";
   if (stiffness) out += ":stiffness:R:1";
+  for (const GrainVectors& column : vectors) out += ":" + column.name + ":R:3";
   out += d == 2 ? " pbc=\"T T F\"" : " pbc=\"T T T\"";
   for (const auto& attribute : packing.attributes) {
     out += " " + AttributeWord(attribute.first) + "=" +
@@ -545,6 +548,12 @@ std::string FormatPacking(const Packing& packing) {
       }
     }
     if (stiffness) AppendReal(packing.stiffness[i], &out);
+    for (const GrainVectors& column : vectors) {
+      for (int k = 0; k < 3; ++k) {
+        const double value = k < d ? (*column.values)(k, i) : 0.0;
+        out += value == 0.0 ? " 0" : Format(" %.9g", value);
+      }
+    }
     out += '\n';
   }
   return out;

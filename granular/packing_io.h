@@ -20,7 +20,9 @@
 #define GRANOPT_GRANULAR_PACKING_IO_H_
 
 #include <string>
+#include <vector>
 
+#include "Eigen/Core"
 #include "granular/packing.h"
 
 namespace granopt {
@@ -46,8 +48,15 @@ bool ParseFrame(const std::string& text,
                 FrameExtras* extras,
                 std::string* error);
 
-// %.17g throughout, pos_lo if any low part is not zero.
-std::string FormatPacking(const Packing& packing);
+// A column of three numbers a grain, the third 0 in 2D.
+struct GrainVectors {
+  std::string name;
+  const Eigen::MatrixXd* values;  // d x N
+};
+// %.17g throughout, pos_lo if any low part is not zero; `vectors` behind all
+// that ReadPacking() knows, with nine digits.
+std::string FormatPacking(const Packing& packing,
+                          const std::vector<GrainVectors>& vectors = {});
 // Atomic. Refuses what ReadPacking() would not read back: an invalid packing, a
 // blank species, an attribute with one of the format's own names.
 bool WritePacking(const std::string& path,
