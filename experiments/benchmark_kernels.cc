@@ -423,12 +423,8 @@ void BM_FlowContacts(benchmark::State& state) {
   ContactSearch search;
   std::vector<ClosePair> pairs;
   for (auto _ : state) {
-    search.Find(n,
-                FlowStride(n),
-                flow.x.data(),
-                grains.radius.data(),
-                0.0,
-                &pairs);
+    search.Find(
+        n, FlowStride(n), flow.x.data(), grains.radius.data(), 0.0, &pairs);
     benchmark::DoNotOptimize(pairs.data());
   }
 }

@@ -311,9 +311,8 @@ void PrintTables(const Json& variants) {
         return row.at(key).get<double>();
       };
       const auto mean = [&](const std::string& key) {
-        return Format("%.3f +- %.3f",
-                      get(key.c_str()),
-                      get((key + "_sd").c_str()));
+        return Format(
+            "%.3f +- %.3f", get(key.c_str()), get((key + "_sd").c_str()));
       };
       const Independent& before = kIndependent[v][c];
       table.push_back(
@@ -329,9 +328,8 @@ void PrintTables(const Json& variants) {
                (before.fraction1 > 0.0 ? Format("%.3g", before.fraction1)
                                        : "-")});
     }
-    std::printf("\n  %s\n%s",
-                kVariants[v].title,
-                Grid(table, 0, false).c_str());
+    std::printf(
+        "\n  %s\n%s", kVariants[v].title, Grid(table, 0, false).c_str());
   }
 }
 

@@ -43,7 +43,9 @@ DEFINE_int32(most_steps,
              "has no value");
 DEFINE_int32(winners, 24, "strings that are tried again on fresh starts");
 DEFINE_int32(fresh, 60, "those starts, the same for all of them");
-DEFINE_bool(gradient, false, "go on from the best by Ceres (see identification.md)");
+DEFINE_bool(gradient,
+            false,
+            "go on from the best by Ceres (see identification.md)");
 DEFINE_int32(gradient_runs, 20, "starts of --gradient, the same for all");
 DEFINE_int32(gradient_budget, 120, "strings of --gradient at most");
 DEFINE_bool(profile,

@@ -168,8 +168,9 @@ std::string PublishLargest(const PlasticEvent& event,
                            Json* json) {
   const Packing& packing = event.before.packing;
   const int d = packing.dimension();
-  output->Write("event.xyz",
-                FormatPacking(packing, {{"displacement", &event.displacement}}));
+  output->Write(
+      "event.xyz",
+      FormatPacking(packing, {{"displacement", &event.displacement}}));
   output->Write("event_contacts.csv", ContactsCsv(event.before));
   std::string csv = "strain,strain_left,energy,stress,lowest_eigenvalue\n";
   for (const BranchPoint& point : event.branch) {

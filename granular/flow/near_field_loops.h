@@ -38,8 +38,8 @@ using NearFieldTriangle = NearFieldSums (*)(const RadialLaw& law,
                                             bool with_energy,
                                             double* const* force);
 
-// The force of all other grains on grain i if it were at `at`; the energy is its
-// sum of w_i w_j V(d).
+// The force of all other grains on grain i if it were at `at`; the energy is
+// its sum of w_i w_j V(d).
 using NearFieldRow = NearFieldSums (*)(const RadialLaw& law,
                                        const NearFieldView& view,
                                        int i,

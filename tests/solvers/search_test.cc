@@ -194,8 +194,8 @@ TEST(Search, OffspringLieBetweenTheirParents) {
   }
 }
 
-// The same strings in the same order: a search that is answered from a record of
-// its first ones goes on as if it had not been cut.
+// The same strings in the same order: a search that is answered from a record
+// of its first ones goes on as if it had not been cut.
 TEST(Search, SameSeedSameStrings) {
   for (const std::string& name : Methods()) {
     Strings first, second, other;
